@@ -12,12 +12,12 @@ unexport PYTHONDONTWRITEBYTECODE
 
 SPREAD := -n 3 --dist worksteal --durations=10 --durations-min=1
 CHECK_S := 35
-CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache
+CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache .coverage*
 UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-hashes --python-version 3.11
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-all coverage fuzz soak docs web pictures check check-types check-tests lock clean
+.PHONY: help setup demo test test-all coverage fuzz soak docs tables web pictures check check-types check-tests lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 16
@@ -26,6 +26,11 @@ setup: $(INSTALLED) $(POSTGRES) $(COMPILED)  ## make .venv, compile, and as root
 
 demo: $(INSTALLED) $(POSTGRES)  ## from nothing to slopes: the whole job on simulated drives, result in demo/
 	@$(BIN)/versant demo --output demo
+
+# Each process of the tests has its share of the cores: threads of linear algebra that wait for each other take a
+# quarter more of the processor.
+test test-all coverage fuzz check-tests: export OPENBLAS_NUM_THREADS := 1
+test test-all coverage fuzz check-tests: export OMP_NUM_THREADS := 1
 
 test: setup  ## every test but the long ones, on a private PostGIS, the pages' in Chromium; names the ten slowest
 	@.ci/prepare chromium
@@ -48,6 +53,9 @@ soak: setup  ## ten minutes of uploads, removals, imports and kills at random (S
 docs: $(INSTALLED)  ## build docs/ as a site into docs/_build; a warning or a dead link fails
 	@$(BIN)/python -m sphinx -q -W --keep-going -b html -d docs/_build/.doctrees docs docs/_build/html
 	@echo "docs/_build/html/index.html"
+
+tables: $(INSTALLED)  ## renew the tables of docs/ that come from the code
+	@PYTHONPATH=.:tests/support $(BIN)/python tests/test_readme.py --write
 
 web: $(INSTALLED)  ## build the pages anew into app/web/built, checked and tested (needs npm)
 	@.ci/prepare npm $(WEB)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import uuid
-from collections.abc import AsyncIterator, Collection, Mapping
+from collections.abc import AsyncIterator, Callable, Collection, Mapping
 from contextlib import asynccontextmanager, suppress
 from functools import partial
+from typing import Any
 
 from anyio import CapacityLimiter
 from fastapi import APIRouter, FastAPI
@@ -31,8 +32,7 @@ from app.core.middleware import (
     PublishedCors,
     SameOriginWrites,
 )
-from app.core.openapi import TAGS, describe
-from app.core.problems import install_error_handlers
+from app.core.problems import Problem, install_error_handlers
 from app.core.receiving.clients import Forwarded, Shares
 from app.core.receiving.pace import Bodies
 from app.core.settings import Settings, SettingsError, get_settings
@@ -118,6 +118,28 @@ Slopes are in percent, positive uphill from `from_node` to `to_node`, the direct
 way is drawn; sigma is one standard deviation; unknown is null, never 0. Times are UTC. Errors are problem
 documents (RFC 9457): what takes too long, or is asked for by too many at once, is answered by 503 with
 `Retry-After`; a request under a host name that is not the service's by 421. {BIND_NOTE}"""
+
+TAGS: list[dict[str, str]] = [
+    {"name": "drives", "description": "Upload logs and look at what became of them."},
+    {"name": "segments", "description": "One road segment, and the drives behind its slope."},
+    {"name": "map", "description": "All road segments, as OGC API Features."},
+    {
+        "name": "changes",
+        "description": "Following the map: what changed since a version, and being told of it.",
+    },
+    {"name": "tiles", "description": "Map tiles."},
+    {
+        "name": "heights",
+        "description": "Heights of the road at places, as other services give them of the ground.",
+    },
+    {"name": "exports", "description": "The map, or a part of it, as files."},
+    {
+        "name": "operation",
+        "description": "Health, metrics, figures and long work of operators, kinds of problems.",
+    },
+]
+FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")
+"""FastAPI's own models, which no answer follows."""
 
 GZIP_FROM_BYTES = 1000
 GZIP_LEVEL = 1  # higher levels cost half the throughput for a few percent of size (spec 8)
@@ -233,3 +255,41 @@ def _gauges(app: FastAPI) -> Gauges | None:
             return read_gauges(session)
     except SQLAlchemyError:
         return None
+
+
+def describe(app: FastAPI, *completing: Callable[[dict[str, Any]], None]) -> None:
+    """Make ``app.openapi`` answer with problem documents in place of FastAPI's own error models.
+
+    ``completing`` add what subjects know.
+    """
+    derive = app.openapi
+
+    def corrected() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            app.openapi_schema = _corrected(derive())
+            for complete in completing:
+                complete(app.openapi_schema)
+        return app.openapi_schema
+
+    app.openapi = corrected  # type: ignore[method-assign]
+
+
+def _corrected(document: dict[str, Any]) -> dict[str, Any]:
+    schemas = document.setdefault("components", {}).setdefault("schemas", {})
+    for name in FASTAPI_ERRORS:
+        schemas.pop(name, None)
+    problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+    schemas.update(problem.pop("$defs", {}))
+    schemas["Problem"] = problem
+    for path in document["paths"].values():
+        for operation in path.values():
+            _drop_fastapi_errors(operation)
+    return document
+
+
+def _drop_fastapi_errors(operation: dict[str, Any]) -> None:
+    # FastAPI announces its own 422 for every route with a parameter; here a bad path is a 404.
+    answers = operation["responses"]
+    schema = answers.get("422", {}).get("content", {}).get("application/json", {}).get("schema", {})
+    if schema.get("$ref", "").endswith(FASTAPI_ERRORS):
+        del answers["422"]

@@ -146,9 +146,9 @@ def of_constants(args: Namespace) -> list[Row]:
         sys.exit(f"no constant holds {args.only!r}; there are: {', '.join(c.label for c in CHANGES)}")
     data = args.data_dir / "karlsruhe" if (args.data_dir / "karlsruhe").is_dir() else args.data_dir
     tool = load_tool(args.roadtruth or tool_beside(data))
-    wanted = args.sequences.split(",")
+    names = args.sequences.split(",")
     rung = RUNGS[args.log]
-    sequences = [road_of(s, rung) for s in find_sequences(data) if s.name in wanted and s.log is None]
+    sequences = [road_of(s, rung) for s in find_sequences(data) if s.name in names and s.log is None]
     if not sequences:
         sys.exit(f"{data}: no sequence named {args.sequences}")
     with tempfile.TemporaryDirectory() as folder:

@@ -62,10 +62,10 @@ class Slopes:
     sigma: Floats
 
     @classmethod
-    def of(cls, found: Adjustment, rows: Ints, size: int) -> Slopes:
+    def of(cls, adjustment: Adjustment, rows: Ints, size: int) -> Slopes:
         """Bring the solution of some rows to all roads."""
         slope, sigma = np.full(size, np.nan), np.full(size, np.nan)
-        slope[rows], sigma[rows] = found.slope_percent, found.slope_sigma_percent
+        slope[rows], sigma[rows] = adjustment.slope_percent, adjustment.slope_sigma_percent
         return cls(slope, sigma)
 
     def apart(self, other: Slopes, rows: Bools) -> Floats:
@@ -85,10 +85,10 @@ def inside(drives: Drives, rows: Bools) -> dict[int, list[PassFactor]]:
     """The passes over some rows, by their numbers among these."""
     number = (np.cumsum(rows) - 1).tolist()
     chosen = rows.tolist()
-    found = {
+    slopes = {
         k: [p.over(number[p.segment]) for p in passes if chosen[p.segment]] for k, passes in drives.items()
     }
-    return {k: passes for k, passes in found.items() if passes}
+    return {k: passes for k, passes in slopes.items() if passes}
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,16 +147,16 @@ def update(read: Read) -> tuple[Adjustment, Subnetwork, dict[str, float]]:
     for (k, *_), one in zip(stored, PassFactor.decode_all([s[1:] for s in stored]), strict=True):
         mine.setdefault(k, []).append(one)
     times.append(clock())
-    said = {
+    outside = {
         k: ConstantsInformation.decode(read.said[k]) - ConstantsInformation.of_passes(passes)
         for k, passes in mine.items()
         if k >= 0
     }
     times.append(clock())
-    found = adjust(read.table.subset(window.solved), mine, outside=said)
+    adjustment = adjust(read.table.subset(window.solved), mine, outside=outside)
     times.append(clock())
     names = ("window", "decode", "elsewhere", "solve")
-    return found, window, dict(zip(names, np.diff(times).tolist(), strict=True))
+    return adjustment, window, dict(zip(names, np.diff(times).tolist(), strict=True))
 
 
 def scratch(
@@ -166,8 +166,8 @@ def scratch(
     driven = driven_rows(len(roads), drives)
     use = driven | gap_rows(roads, driven)
     table = roads.subset(use)
-    found = adjust(table, inside(drives, use), blocks=blocks(table) if blocks else None)
-    return Slopes.of(found, np.flatnonzero(use), len(roads))
+    adjustment = adjust(table, inside(drives, use), blocks=blocks(table) if blocks else None)
+    return Slopes.of(adjustment, np.flatnonzero(use), len(roads))
 
 
 def timed(work: Callable[[], T]) -> tuple[T, float]:
@@ -192,18 +192,18 @@ def update_part(store: Store, further: Sequence[list[PassFactor]], before: Slope
     sizes: list[tuple[int, int]] = []
     for number, factors in enumerate([further[0], *further]):
         read = store.read(factors)
-        found, window, steps = update(read)
+        updated, window, steps = update(read)
         if not number:
             continue  # the first is to compile, and to have every page in memory
         seconds.append(sum(steps.values()))
         split.append(steps)
         sizes.append((int(window.solved.sum()), int(window.published.sum())))
-        local = Slopes.of(found, read.rows[window.solved], len(store.roads))
-        whole = scratch(store.roads, {**store.drives, -1: factors})
+        local = Slopes.of(updated, read.rows[window.solved], len(store.roads))
+        from_scratch = scratch(store.roads, {**store.drives, -1: factors})
         shown = np.zeros(len(store.roads), bool)
         shown[read.rows[window.published & ~window.outward]] = True
-        within.append(local.apart(whole, shown))
-        beyond.append(before.apart(whole, ~shown))
+        within.append(local.apart(from_scratch, shown))
+        beyond.append(before.apart(from_scratch, ~shown))
     read = store.read(further[0])
     middle = int(np.argsort(seconds)[len(seconds) // 2])
     return {
@@ -218,10 +218,10 @@ def update_part(store: Store, further: Sequence[list[PassFactor]], before: Slope
     }
 
 
-def blocks_part(roads: RoadTable, drives: Drives, whole: Slopes, most: int) -> Figures:
+def blocks_part(roads: RoadTable, drives: Drives, reference: Slopes, most: int) -> Figures:
     """All drives in blocks, against all at once."""
-    found, seconds = timed(lambda: scratch(roads, drives, lambda table: bisected(table, most)))
-    apart = found.apart(whole, np.ones(len(roads), bool))
+    in_blocks, seconds = timed(lambda: scratch(roads, drives, lambda table: bisected(table, most)))
+    apart = in_blocks.apart(reference, np.ones(len(roads), bool))
     memory = peak_mb(lambda: scratch(roads, drives, lambda table: bisected(table, most)))
     return {"blocks_s": seconds, "blocks_mb": memory, "blocks_apart_sigma": float(apart.max())}
 
@@ -233,13 +233,13 @@ def region_part(file: Path, count: int, repeat: int, most: int | None) -> Figure
     drives = {k: synthetic.drive(synthetic.route(ROUTE_M)) for k in range(count)}
     further = [synthetic.drive(synthetic.route(ROUTE_M)) for _ in range(repeat)]
     store = Store(roads, drives)
-    whole, seconds = timed(lambda: scratch(roads, drives))
-    whole, again = timed(lambda: scratch(roads, drives))
+    from_scratch, seconds = timed(lambda: scratch(roads, drives))
+    from_scratch, again = timed(lambda: scratch(roads, drives))
     passes = sum(map(len, drives.values()))
     f: Figures = {
         "drives": count,
         "passes": passes,
-        "segments": int(np.isfinite(whole.slope).sum()),
+        "segments": int(np.isfinite(from_scratch.slope).sum()),
         "scratch_first_s": seconds,
         "scratch_s": again,
         "scratch_mb": peak_mb(lambda: scratch(roads, drives)),
@@ -249,7 +249,7 @@ def region_part(file: Path, count: int, repeat: int, most: int | None) -> Figure
         f"{f['segments']:,} segments\n  scratch  {again:7.3f} s  {f['scratch_mb']:7.1f} MB",
         flush=True,
     )
-    f |= update_part(store, further, whole)
+    f |= update_part(store, further, from_scratch)
     split = ", ".join(f"{name} {value:.3f}" for name, value in f["update_steps_s"].items())
     print(
         f"  update   {f['update_s']:7.3f} s  {f['update_mb']:7.1f} MB  {f['solved']} segments solved, "
@@ -259,7 +259,7 @@ def region_part(file: Path, count: int, repeat: int, most: int | None) -> Figure
         flush=True,
     )
     if most:
-        f |= blocks_part(roads, drives, whole, most)
+        f |= blocks_part(roads, drives, from_scratch, most)
         print(
             f"  blocks   {f['blocks_s']:7.3f} s  {f['blocks_mb']:7.1f} MB  of {most} segments; at most "
             f"{f['blocks_apart_sigma']:.1e} sigma from all at once",

@@ -117,12 +117,14 @@ def _ratios(name: str, drive: DrawnDrive, result: DriveResult) -> list[Ratio]:
 def _draw(road: DrawnRoad, fused: Sequence[_Fused], rng: np.random.Generator) -> Draw:
     parts = solve_network(road.table, None, fused).parts
     rows = np.array(sorted(parts), np.int64)
-    found = np.array([(parts[r][0].slope_percent, parts[r][0].slope_sigma_percent) for r in rows.tolist()])
+    estimates = np.array(
+        [(parts[r][0].slope_percent, parts[r][0].slope_sigma_percent) for r in rows.tolist()]
+    )
     return Draw(
         road.table.length_m[rows],
         road.slopes_percent()[rows],
-        found[:, 0],
-        found[:, 1],
+        estimates[:, 0],
+        estimates[:, 1],
         int(rng.integers(len(rows))),
     )
 

@@ -177,8 +177,8 @@ class Bench:
             fusion = fuse(road, logs, self.args.method)
             runs.append([Errors.of(sequence.truth, slopes_of(fusion))])
             reports += [one.result.report for one in fusion.fused]
-        said = {"sequence": sequence.name, "model": model, **reported(reports)}
-        return {"coverage": 0.0, **(figures(runs) or {}), **said}
+        row = {"sequence": sequence.name, "model": model, **reported(reports)}
+        return {"coverage": 0.0, **(figures(runs) or {}), **row}
 
     def dem(self, sequence: Sequence, name: str, seed: int) -> Dem | None:
         """The elevation model of a name; a made one has errors of its own for each seed."""
@@ -193,8 +193,8 @@ def reported(reports: list[dict[str, Any]]) -> Row:
     """What the drives' reports say of the elevation model."""
     dem = [sensors["dem"] for r in reports if "dem" in (sensors := r.get("sensors", {}))]
     count = sum(one["measurements"] for one in dem)
-    said = [text for r in reports for text in r.get("warnings", ()) if _NAMED.search(text)]
-    warnings = Counter(re.sub(r"\d+(\.\d+)?", "#", text) for text in said)
+    texts = [text for r in reports for text in r.get("warnings", ()) if _NAMED.search(text)]
+    warnings = Counter(re.sub(r"\d+(\.\d+)?", "#", text) for text in texts)
     return {
         "measurements": count / len(dem) if dem else None,
         "outliers": sum(one["outliers"] for one in dem) / count if count else None,
@@ -231,10 +231,10 @@ def show(rows: list[Row]) -> None:
     """The table, and the warnings below it."""
     print(text_table(rows, COLUMNS))
     print("\nwarnings that name the elevation model, by how many drives got them")
-    said = [(row, text, count) for row in rows for text, count in row["warnings"].items()]
-    for row, text, count in said:
+    warnings = [(row, text, count) for row in rows for text, count in row["warnings"].items()]
+    for row, text, count in warnings:
         print(f"  {row['sequence']} {row['model']}, {count}: {text}")
-    if not said:
+    if not warnings:
         print("  none")
 
 

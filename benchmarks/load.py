@@ -123,7 +123,7 @@ def main() -> None:
             fill(cluster, folder, args.roads, 2 * args.drives)
         idle, busy, load = run(cluster, folder, args.drives, args.streams)
     show_progress("")
-    rows = [_row("idle", seen) for seen in idle] + [_row("load", seen) for seen in busy]
+    rows = [_row("idle", answers) for answers in idle] + [_row("load", answers) for answers in busy]
     print(text_table(rows, COLUMNS))
     for line in sentences(load):
         print(line)
@@ -143,7 +143,7 @@ def fill(cluster: EmbeddedPostgres, folder: Path, roads: Path, drives: int) -> N
         service.await_ready()
         for log in logs:
             service.send(log)
-        service.await_done(lambda done: show_progress(f"{done} of {drives} drives"))
+        service.await_done(lambda finished: show_progress(f"{finished} of {drives} drives"))
     with psycopg.connect(service.url, autocommit=True) as connection:
         connection.execute("VACUUM ANALYZE")
     (folder / "ready").touch()
@@ -215,11 +215,11 @@ def make_load(service: Service, changed: Path, drives: int, streams: int, z8: st
             ).fetchall()
         ]
         removed, drawn = ids[:drives], ids[drives : 2 * drives]
-        with telling(service.url) as told:
+        with telling(service.url) as listeners:
             begin = time.monotonic()
             importing = service.begin("import-roads", str(changed), "--region", REGION, "--yes")
             time.sleep(IMPORT_AHEAD_S)
-            with following(service.port, f"/v1/drives/{told}/events", streams) as followers:
+            with following(service.port, f"/v1/drives/{listeners}/events", streams) as followers:
                 asked = Asked(
                     service.address,
                     [("DELETE", f"/v1/drives/{one}") for one in removed]
@@ -258,7 +258,7 @@ def await_removed(connection: psycopg.Connection[Any]) -> None:
 @contextmanager
 def telling(url: str) -> Iterator[uuid.UUID]:
     """A drive that seems to be computed for as long as the block lasts, and tells its progress."""
-    told, over = uuid.uuid4(), threading.Event()
+    channel, over = uuid.uuid4(), threading.Event()
     insert = """
         INSERT INTO drives (id, sha256, filename, size_bytes, blob_key, status, stage, method, options)
         VALUES (%s, 'told', 'told', 1, 'told', 'running', 'estimating', 'raw', '{}')
@@ -269,14 +269,14 @@ def telling(url: str) -> Iterator[uuid.UUID]:
             step = 0
             while not over.wait(TELL_EVERY_S):
                 step = (step + 1) % 100
-                connection.execute("UPDATE drives SET progress = %s WHERE id = %s", (step / 100, told))
+                connection.execute("UPDATE drives SET progress = %s WHERE id = %s", (step / 100, channel))
 
     with psycopg.connect(url, autocommit=True) as connection:
-        connection.execute(insert, (told,))
+        connection.execute(insert, (channel,))
     thread = threading.Thread(target=tell)
     thread.start()
     try:
-        yield told
+        yield channel
     finally:
         over.set()
         thread.join()
@@ -294,15 +294,15 @@ def tiles_of(url: str) -> tuple[str, str]:
     return f"8/{int(x * 2**8)}/{int(y * 2**8)}", f"14/{int(x * 2**14)}/{int(y * 2**14)}"
 
 
-def _row(phase: str, seen: Answers) -> dict[str, Any]:
+def _row(phase: str, answers: Answers) -> dict[str, Any]:
     return {
         "phase": phase,
-        "route": seen.route,
-        "asked": len(seen.took_ms),
-        "median_ms": seen.median_ms,
-        "p99_ms": seen.p99_ms,
-        "max_ms": seen.max_ms,
-        "others": counted(seen.unlike_2xx) or "none",
+        "route": answers.route,
+        "asked": len(answers.took_ms),
+        "median_ms": answers.median_ms,
+        "p99_ms": answers.p99_ms,
+        "max_ms": answers.max_ms,
+        "others": counted(answers.unlike_2xx) or "none",
     }
 
 
@@ -314,15 +314,15 @@ def sentences(load: Load) -> list[str]:
         f"{load.import_s:.1f} s.",
         f"Event streams: {counted(load.streams)}; at once {load.most_streams}; each that was accepted heard at least "
         f"{load.fewest_events} events.",
-        *(f"{method}: {counted(found)}." for method, found in load.answers.items()),
+        *(f"{method}: {counted(statuses)}." for method, statuses in load.answers.items()),
         f"Memory: {processes} = {load.memory_mb:.0f} MB, at once {load.memory_at_once_mb:.0f} MB; "
         f"at rest {load.memory_at_rest_mb:.0f} MB.",
     ]
 
 
-def counted(found: dict[str, int]) -> str:
+def counted(statuses: dict[str, int]) -> str:
     """Statuses with how often each came."""
-    return ", ".join(f"{count} x {status}" for status, count in sorted(found.items()))
+    return ", ".join(f"{count} x {status}" for status, count in sorted(statuses.items()))
 
 
 if __name__ == "__main__":

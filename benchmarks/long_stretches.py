@@ -136,33 +136,33 @@ class Bench:
         with tempfile.TemporaryDirectory() as folder:
             slopes = Path(folder) / "slopes.geojson"
             slopes.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-            said = quietly(
+            messages = quietly(
                 self.tool.score,
                 fix=str(self.folder / "heights.csv"),
                 roads=str(self.folder / "roads.osm"),
                 slopes=str(slopes),
                 logs=[str(ride_file(self.folder, number)) for number in numbers],
             )
-        return dict(json.loads(said))
+        return dict(json.loads(messages))
 
 
 def grade_errors(stretches: Iterable[Stretch], slopes: Slopes) -> Floats:
     """Error over sigma of the mean grade of every stretch all of whose slopes are known."""
-    found = [(s, grade) for s in stretches if (grade := s.grade_percent(slopes)) is not None]
-    errors = np.array([grade - s.true_grade_percent() for s, grade in found])
-    sigmas = np.array([grade_sigma_percent(s, slopes) for s, _ in found])
+    graded = [(s, grade) for s in stretches if (grade := s.grade_percent(slopes)) is not None]
+    errors = np.array([grade - s.true_grade_percent() for s, grade in graded])
+    sigmas = np.array([grade_sigma_percent(s, slopes) for s, _ in graded])
     return np.asarray(errors / sigmas)
 
 
 def grade_differences(stretches: Iterable[Stretch], some: Slopes, others: Slopes) -> Floats:
     """Difference over its sigma of the mean grades of every stretch that two results know; no ride is in both."""
-    found = []
+    rows = []
     for one in stretches:
         first, second = one.grade_percent(some), one.grade_percent(others)
         if first is not None and second is not None:
             sigma = np.hypot(grade_sigma_percent(one, some), grade_sigma_percent(one, others))
-            found.append((first - second) / sigma)
-    return np.array(found, float)
+            rows.append((first - second) / sigma)
+    return np.array(rows, float)
 
 
 def coverage(z: Floats) -> Row:

@@ -76,9 +76,9 @@ def by_drive(track: Track) -> Result:
     start = time.thread_time()
     matcher = DriveMatcher(track.network)
     prepared = time.thread_time() - start
-    given = track.time_s, track.x_m, track.y_m
-    seconds = second_pass(lambda: matcher.match(*given))
-    match = matcher.match(*given)
+    points = track.time_s, track.x_m, track.y_m
+    seconds = second_pass(lambda: matcher.match(*points))
+    match = matcher.match(*points)
     return arc_rows(track, match.segment, match.forward), prepared, seconds
 
 
@@ -113,15 +113,15 @@ def by_points(matcher: PointMatcher) -> Callable[[Track], Result]:
         prepared = time.thread_time() - start
 
         def match_thinned() -> PointMatches:
-            kept = thinned(track)
-            x, y = track.x_m[kept], track.y_m[kept]
+            thinned_rows = thinned(track)
+            x, y = track.x_m[thinned_rows], track.y_m[thinned_rows]
             heading = np.arctan2(np.gradient(y), np.gradient(x)) if len(x) > 1 else np.full(len(x), np.nan)
-            return matching(track.time_s[kept], x, y, heading)
+            return matching(track.time_s[thinned_rows], x, y, heading)
 
         seconds = second_pass(match_thinned)
         match = match_thinned()
-        found = match.segment >= 0
-        return arc_rows(track, match.segment[found], match.forward[found]), prepared, seconds
+        matched = match.segment >= 0
+        return arc_rows(track, match.segment[matched], match.forward[matched]), prepared, seconds
 
     return matched
 
@@ -165,12 +165,12 @@ def run(args: argparse.Namespace) -> list[Figures]:
     if args.out:
         args.out.mkdir(parents=True, exist_ok=True)
     rows: list[Figures] = []
-    taken = {"0-18": 0, "rest": 0}
+    tracks_of = {"0-18": 0, "rest": 0}
     for number, path in enumerate(paths):
         track, part = read_track(path), part_of(path)
-        taken[part] += 1
+        tracks_of[part] += 1
         for method in methods:
-            if method == "leuven" and args.leuven is not None and taken[part] > args.leuven:
+            if method == "leuven" and args.leuven is not None and tracks_of[part] > args.leuven:
                 continue
             arcs, prepared, seconds = METHODS[method](track)
             rows.append(

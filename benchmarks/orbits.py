@@ -100,16 +100,16 @@ def beside_library(path: Path) -> list[Row]:
             gps_s = moving.toe_s[row] + np.arange(-reach_s, reach_s + 1.0, EVERY_S)
             position, _, clock, _ = glonass_states(moving, np.full(len(gps_s), row), gps_s)
             worst.setdefault(GLONASS, []).append(_apart(pyrtklib.geph2pos, record, gps_s, position, clock))
-        rows += [_library_row(path, system, span, found) for system, found in sorted(worst.items())]
+        rows += [_library_row(path, system, span, errors) for system, errors in sorted(worst.items())]
     return rows
 
 
-def _library_row(path: Path, system: int, span: str, found: list[Floats]) -> Row:
-    apart = np.concatenate(found, axis=1)
+def _library_row(path: Path, system: int, span: str, errors: list[Floats]) -> Row:
+    apart = np.concatenate(errors, axis=1)
     return {
         "file": path.name,
         "system": SYSTEMS[system],
-        "records": len(found),
+        "records": len(errors),
         "span": span,
         "states": apart.shape[1],
         "position_m": float(apart[0].max()),
@@ -134,12 +134,12 @@ def beside_precise(
     without_delay = replace(
         navigation, kepler=replace(navigation.kepler, group_delay_s=np.zeros(len(navigation.kepler)))
     )
-    found = states_at(without_delay, true.system, true.number, true.gps_s)
-    usable = found.known & found.healthy
+    computed = states_at(without_delay, true.system, true.number, true.gps_s)
+    usable = computed.known & computed.healthy
     up = true.position_m / np.linalg.norm(true.position_m, axis=1, keepdims=True)
-    apart = found.position_m - true.position_m
-    relativity = -2.0 * np.sum(found.position_m * found.velocity_mps, axis=1) / LIGHT_MPS**2
-    clock = found.clock_s - relativity - true.clock_s
+    apart = computed.position_m - true.position_m
+    relativity = -2.0 * np.sum(computed.position_m * computed.velocity_mps, axis=1) / LIGHT_MPS**2
+    clock = computed.clock_s - relativity - true.clock_s
     systems = np.unique(true.system[usable]).tolist()
     return [
         {
@@ -153,7 +153,7 @@ def beside_precise(
 def _differences(true: Precise, some: Ints, apart: Floats, up: Floats, clock: Floats) -> Row:
     """The figures of a system's rows ``some``."""
     number, system = true.number[some], int(true.system[some[0]])
-    whole = np.linalg.norm(apart[some], axis=1)
+    error_m = np.linalg.norm(apart[some], axis=1)
     radial = np.sum(apart[some] * up[some], axis=1)
     level = np.linalg.norm(apart[some] - np.median(radial) * up[some], axis=1)
     left = (clock[some] - _median_by_epoch(clock[some], true.gps_s[some])) * NS
@@ -163,8 +163,8 @@ def _differences(true: Precise, some: Ints, apart: Floats, up: Floats, clock: Fl
         "system": SYSTEMS[system],
         "satellites": len(np.unique(number)),
         "epochs": len(np.unique(true.gps_s[some])),
-        "rms_m": rms(whole),
-        "max_m": float(whole.max()),
+        "rms_m": rms(error_m),
+        "max_m": float(error_m.max()),
         "radial_m": float(np.median(radial)),
         "rms_level_m": rms(level),
         "max_level_m": float(level.max()),

@@ -164,9 +164,9 @@ def profiled_run(particles: int, scene: Scene) -> tuple[float, dict[str, float]]
     options = ParticleOptions(particles=particles)
     cloud = ParticleCloud(options)
     with particle_profile.timed_parts(seconds, cloud):
-        whole = seconds_per_epoch(lambda _: cloud, particles, scene)
+        full_s = seconds_per_epoch(lambda _: cloud, particles, scene)
     epochs = len(scene[0].fix)
-    return 1000 * whole, {name: 1000 * spent / epochs for name, spent in seconds.items()}
+    return 1000 * full_s, {name: 1000 * spent / epochs for name, spent in seconds.items()}
 
 
 def main() -> None:

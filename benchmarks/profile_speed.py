@@ -215,7 +215,7 @@ def _row(
         row_of[int(near.osm_way_id[s.segment]), int(near.from_node[s.segment]), int(near.to_node[s.segment])]
         for s in slopes
     ]
-    wanted = np.isin(where, driven)
+    on_route = np.isin(where, driven)
     error = np.array([s.slope_percent for s in slopes]) - true[where]
     sigma = np.array([s.slope_sigma_percent for s in slopes])
     return {
@@ -224,7 +224,7 @@ def _row(
         "segments": len(slopes),
         "user_s": seconds,
         "s_per_hour": seconds / hours,
-        "within": float(np.mean(np.abs(error[wanted]) <= 1.96 * sigma[wanted])),
+        "within": float(np.mean(np.abs(error[on_route]) <= 1.96 * sigma[on_route])),
     }
 
 

@@ -97,10 +97,10 @@ def interpolated(at_s: Floats, time_s: Floats, places: Floats) -> Floats:
     before = after - 1
     gap = time_s[after] - time_s[before]
     share = ((at_s - time_s[before]) / gap)[:, None]
-    found = places[before] + share * (places[after] - places[before])
+    interpolated = places[before] + share * (places[after] - places[before])
     exact = np.minimum(np.abs(at_s - time_s[after]), np.abs(at_s - time_s[before])) < 1e-3
     bad = (at_s < time_s[0] - 1e-3) | (at_s > time_s[-1] + 1e-3) | ((gap > TRUTH_GAP_S) & ~exact)
-    return np.where(bad[:, None], np.nan, found)
+    return np.where(bad[:, None], np.nan, interpolated)
 
 
 def with_height(scene: Scene) -> Scene:
@@ -116,7 +116,7 @@ def solvers(scene: Scene, names: list[str], seeds: int) -> Iterator[tuple[str, d
     """Rows of the solvers, as far as they make a difference on this log."""
     has_odometer = bool(np.isfinite(scene.aids.speed_mps).any())
     has_rates = bool(np.isfinite(scene.measured.range_rate_mps).any())
-    for chosen, given in ((ROWS, scene), (TRUE_HEIGHT, with_height(scene))):
+    for chosen, variant in ((ROWS, scene), (TRUE_HEIGHT, with_height(scene))):
         for label, name, options in chosen:
             idle = ("odometer" in label and not has_odometer) or ("Doppler" in label and not has_rates)
             if idle or (names and name not in names):
@@ -127,7 +127,7 @@ def solvers(scene: Scene, names: list[str], seeds: int) -> Iterator[tuple[str, d
             solver: Solver = SOLVERS[name]
             # What draws nothing needs one seed.
             drawn = name in {"pf", "jms-gmm", "rbpf-dpm"}
-            yield label, row(given, solver, options, seeds if drawn else 1)
+            yield label, row(variant, solver, options, seeds if drawn else 1)
 
 
 def literature(scene: Scene) -> Iterator[tuple[str, dict[str, float]]]:
@@ -149,8 +149,8 @@ def beside_rtklib(scene: Scene, files: list[Path]) -> Iterator[tuple[str, dict[s
         return
     places = library_single_points(raw.signals, files)
     yield "RTKLIB, single points", figures(scene, _bare(scene, places, None))
-    known = np.asarray(np.isfinite(places).all(axis=1))
-    there = replace(scene, truth_m=np.where(known[:, None], scene.truth_m, np.nan))
+    solved = np.asarray(np.isfinite(places).all(axis=1))
+    there = replace(scene, truth_m=np.where(solved[:, None], scene.truth_m, np.nan))
     for label, smooth in (("one-sided filter, there", False), ("one-sided smoothed, there", True)):
         yield label, row(there, SOLVERS["one-sided"], {"smooth": smooth, "odometer": False}, 1)
 
@@ -166,15 +166,15 @@ def _bare(scene: Scene, places: Floats, spread: Floats | None) -> Solution:
     )
 
 
-def show(label: str, found: dict[str, float]) -> None:
+def show(label: str, values: dict[str, float]) -> None:
     """One line of the table."""
-    if not found.get("epochs"):
+    if not values.get("epochs"):
         print(f"{label:28} no position at all")
         return
-    flat = f"{found['mean_m']:9.2f} {found['median_m']:7.2f} {found['p95_m']:7.2f}"
-    rest = f"{found['mean_3d_m']:9.2f} {found.get('spread_m', 0.0):7.2f} {100 * found['within_95']:6.1f}"
-    cost = f"{found['ms_per_epoch']:7.3f}" if "ms_per_epoch" in found else "      -"
-    print(f"{label:28} {flat} {rest} {found['sigma_m']:7.2f} {found['missing']:6.0f} {cost}", flush=True)
+    flat = f"{values['mean_m']:9.2f} {values['median_m']:7.2f} {values['p95_m']:7.2f}"
+    rest = f"{values['mean_3d_m']:9.2f} {values.get('spread_m', 0.0):7.2f} {100 * values['within_95']:6.1f}"
+    cost = f"{values['ms_per_epoch']:7.3f}" if "ms_per_epoch" in values else "      -"
+    print(f"{label:28} {flat} {rest} {values['sigma_m']:7.2f} {values['missing']:6.0f} {cost}", flush=True)
 
 
 def main() -> None:
@@ -194,29 +194,29 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--skip-literature", action="store_true")
     parser.add_argument("--json", type=Path, metavar="FILE")
-    given = parser.parse_args()
-    if given.convert and given.folder:
-        print(*smartloc.convert(given.folder, given.convert), sep="\n")
+    args = parser.parse_args()
+    if args.convert and args.folder:
+        print(*smartloc.convert(args.folder, args.convert), sep="\n")
         return
-    if bool(given.rinex) == bool(given.folder) or bool(given.rinex) != bool(given.truth):
+    if bool(args.rinex) == bool(args.folder) or bool(args.rinex) != bool(args.truth):
         parser.error("give smartLoc's folder, or --rinex with --truth")
-    scene = recorded(given.rinex, given.truth) if given.rinex else smartloc.read(given.folder)
+    scene = recorded(args.rinex, args.truth) if args.rinex else smartloc.read(args.folder)
     true = int(np.isfinite(scene.truth_m).all(axis=1).sum())
     print(f"{len(scene.measured)} epochs, {true} with truth; {', '.join(scene.measured.groups)}")
     print(
         f"{'':28} {'2-D mean  median     p95':>25} {'3-D':>9} {'spread':>7} {'in 95':>6} {'sigma':>7}   none      ms"
     )
     table: dict[str, dict[str, float]] = {}
-    for label, found in solvers(scene, given.solver, given.seeds):
-        show(label, found)
-        table[label if label.strip() == label else f"{list(table)[-1]} {label.strip()}"] = found
-    if not given.skip_literature:
-        own = beside_rtklib(scene, given.rinex) if given.rinex else ()
-        for label, found in (*own, *literature(scene)):
-            show(label, found)
-            table[label] = found
-    if given.json:
-        given.json.write_text(json.dumps(table, indent=1))
+    for label, values in solvers(scene, args.solver, args.seeds):
+        show(label, values)
+        table[label if label.strip() == label else f"{list(table)[-1]} {label.strip()}"] = values
+    if not args.skip_literature:
+        own = beside_rtklib(scene, args.rinex) if args.rinex else ()
+        for label, values in (*own, *literature(scene)):
+            show(label, values)
+            table[label] = values
+    if args.json:
+        args.json.write_text(json.dumps(table, indent=1))
 
 
 if __name__ == "__main__":

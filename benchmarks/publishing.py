@@ -12,7 +12,7 @@ one worker do, and one drive goes through them to warm up. Then all drives are u
 workers started.
 
     drives/s    drives over the time from the first that was begun to the last that was done
-    longest s   from the beginning of a drive to its end, at most: solvers let squares wait while drives do
+    longest s   from the beginning of a drive to its end, at most: solvers let cells wait while drives do
     alone s     of ``--alone`` further drives, one by one into the idle service: from upload to ``done``, median
     lock waits  of 100 ms and longer, as PostgreSQL logs them, and the longest
     settled     how far slopes are from what ``versant settle`` makes of the same drives: 99 % within, and all, sigmas
@@ -157,16 +157,16 @@ def run(
             with service.started(*service.worker):
                 service.send(logs[-1])
                 service.await_done()
-            known = cluster.log_path.stat().st_size
+            log_bytes = cluster.log_path.stat().st_size
             for log in logs[:drives]:
                 service.send(log)
             with started_all(service, workers):
                 service.await_done(
-                    lambda done: show_progress(f"{code}, {workers} workers: {done} of {drives}")
+                    lambda finished: show_progress(f"{code}, {workers} workers: {finished} of {drives}")
                 )
                 rate, longest = service.throughput(drives)
                 alone = [service.alone(log) for log in logs[drives : drives + args.alone]]
-            waits = lock_waits(cluster.log_path, known)
+            waits = lock_waits(cluster.log_path, log_bytes)
         moved = service.moved_by_settling() if settle else (None, None)
     return Result(
         code,

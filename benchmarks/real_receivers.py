@@ -87,12 +87,12 @@ class Bench:
 
     def errors(self, log: Path, method: str, seeds: list[int | None]) -> list[list[Errors]]:
         """Errors of a log, by seed of its holes."""
-        found = []
+        rows = []
         for seed in seeds:
             show_progress(f"{self.sequence.name}, {method}, holes {seed}")
             path = self.with_holes(log, seed)
-            found.append([Errors.of(self.sequence.truth, estimate(self.sequence, [path], method))])
-        return found
+            rows.append([Errors.of(self.sequence.truth, estimate(self.sequence, [path], method))])
+        return rows
 
     def rows(self, label: str, methods: list[str], seeds: list[int | None]) -> list[Row]:
         """A row a method; the first is the one that is tested."""

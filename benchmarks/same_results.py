@@ -108,22 +108,22 @@ def run(case: Case, checkout: Path, folder: Path) -> dict[str, str]:
     out = folder / case.name.replace(" ", "_")
     marker = out.with_name(f"{out.name}.hashes")
     if marker.exists():
-        known: dict[str, str] = json.loads(marker.read_text())
-        return known
+        hashes: dict[str, str] = json.loads(marker.read_text())
+        return hashes
     arguments = [argument.replace("{out}", str(out)) for argument in case.arguments]
     environment = {**os.environ, "PYTHONPATH": str(checkout)}
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "app.cli", "--quiet", *arguments],
         cwd=checkout, env=environment, capture_output=True, check=False,
     )  # fmt: skip
-    found = {"exit status": str(done.returncode)}
-    if done.returncode:
-        found["standard error"] = digest(done.stderr)
+    hashes = {"exit status": str(process.returncode)}
+    if process.returncode:
+        hashes["standard error"] = digest(process.stderr)
     if not case.writes:
-        found["standard output"] = digest(done.stdout)
-    found |= {str(path.relative_to(folder)): digest(path.read_bytes()) for path in written(out)}
-    marker.write_text(json.dumps(found, indent=1))
-    return found
+        hashes["standard output"] = digest(process.stdout)
+    hashes |= {str(path.relative_to(folder)): digest(path.read_bytes()) for path in written(out)}
+    marker.write_text(json.dumps(hashes, indent=1))
+    return hashes
 
 
 def warm_up(everything: list[Case], states: dict[str, Path], folder: Path) -> None:
@@ -131,10 +131,10 @@ def warm_up(everything: list[Case], states: dict[str, Path], folder: Path) -> No
     first = {case.name.split()[1]: case for case in reversed(everything) if case.name.startswith("fuse ")}
     for name, checkout in states.items():
         for case in first.values():
-            kept = folder / name / f"{case.name.replace(' ', '_')}.hashes"
-            if not kept.exists():
+            marker = folder / name / f"{case.name.replace(' ', '_')}.hashes"
+            if not marker.exists():
                 run(case, checkout, folder / name)
-                kept.unlink()
+                marker.unlink()
 
 
 def written(out: Path) -> Iterator[Path]:
@@ -161,14 +161,14 @@ def compare(args: argparse.Namespace, folder: Path) -> list[dict[str, object]]:
     everything = [case for case in cases(args.data_dir.resolve(), logs) if args.only in case.name]
     warm_up(everything, states, folder)
     for case in everything:
-        got = {name: run(case, checkout, folder / name) for name, checkout in states.items()}
-        names = sorted({*got["before"], *got["after"]})
-        differing = [name for name in names if got["before"].get(name) != got["after"].get(name)]
+        hashes = {name: run(case, checkout, folder / name) for name, checkout in states.items()}
+        names = sorted({*hashes["before"], *hashes["after"]})
+        differing = [name for name in names if hashes["before"].get(name) != hashes["after"].get(name)]
         rows.append(
             {
                 "case": case.name,
                 "outputs": len(names) - 1,
-                "exit_status": got["after"]["exit status"],
+                "exit_status": hashes["after"]["exit status"],
                 "differing": differing,
             }
         )

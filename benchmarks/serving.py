@@ -13,7 +13,7 @@ and two clients that keep their connections and ask for tiles where the roads ar
 servers; figures are medians of the rounds, ratios those within one round. Rows:
 
     tipg, bare   a tile built for each request: five properties; tipg from a flat table without a join, not compressed
-    first        our first build of a tile: before each pass every square gets a new version, so no stored tile counts
+    first        our first build of a tile: before each pass every cell gets a new version, so no stored tile counts
     warm         our stored tile, whose version is looked up in the database at each request
     304          the same with If-None-Match
     items        pages of 1,000 features of GeoJSON with all properties, in boxes of 1,000 and more (tiles of zoom 14),
@@ -148,19 +148,19 @@ class Bench:
         """Every row once, at one zoom."""
         own = self.paths(zoom, "/tiles/{z}/{x}/{y}.mvt")
         its = "/collections/bench.tiles/tiles/WebMercatorQuad/{z}/{x}/{y}?properties=" + ",".join(PROPERTIES)
-        found = {
+        rates = {
             "tipg": ask(self.theirs, self.paths(zoom, its), seconds=self.seconds, compressed=False),
             "bare": ask(self.plain, self.paths(zoom, "/{z}/{x}/{y}"), seconds=self.seconds, compressed=False),
             "first": self.first_builds(own),
         }
         ask(self.ours, own)
-        found["warm"] = ask(self.ours, own, seconds=self.seconds)
+        rates["warm"] = ask(self.ours, own, seconds=self.seconds)
         tagged = tags_of(self.ours, [one.path for one in own])
-        found["304"] = ask(self.ours, tagged, seconds=self.seconds)
-        return found
+        rates["304"] = ask(self.ours, tagged, seconds=self.seconds)
+        return rates
 
     def first_builds(self, own: list[Asked]) -> Rates:
-        """Passes over all tiles, each after every square has changed."""
+        """Passes over all tiles, each after every cell has changed."""
         passes: list[Rates] = []
         while sum(one.seconds for one in passes) < self.seconds and len(passes) < 40:
             with self.sessions.begin() as session:
@@ -260,15 +260,15 @@ def fill_once(cluster: EmbeddedPostgres, roads: Path, folder: Path, segments: in
 
 def measure(bench: Bench, rounds: int) -> dict[str, Any]:
     """Medians over the rounds, ratios within rounds."""
-    found: dict[str, list[tuple[float, float, float]]] = {}
+    samples: dict[str, list[tuple[float, float, float]]] = {}
     ratios: dict[str, list[float]] = {}
     odd: dict[str, dict[int, int]] = {}
 
-    def note(name: str, got: Rates, beside: Rates | None) -> None:
-        found.setdefault(name, []).append((got.per_second, got.p95_ms, got.mean_bytes))
+    def note(name: str, rates: Rates, beside: Rates | None) -> None:
+        samples.setdefault(name, []).append((rates.per_second, rates.p95_ms, rates.mean_bytes))
         if beside is not None:
-            ratios.setdefault(name, []).append(got.per_second / beside.per_second)
-        strange = {status: n for status, n in got.statuses.items() if status not in {200, 304}}
+            ratios.setdefault(name, []).append(rates.per_second / beside.per_second)
+        strange = {status: n for status, n in rates.statuses.items() if status not in {200, 304}}
         if strange:
             odd[name] = strange
 
@@ -276,8 +276,8 @@ def measure(bench: Bench, rounds: int) -> dict[str, Any]:
         for zoom in ZOOMS:
             show_progress(f"round {n + 1} of {rounds}, zoom {zoom}")
             rows = bench.round(zoom)
-            for name, got in rows.items():
-                note(f"z{zoom} {name}", got, rows["tipg"])
+            for name, rates in rows.items():
+                note(f"z{zoom} {name}", rates, rows["tipg"])
             note(f"z{zoom} beside", bench.beside(zoom), rows["warm"])
         pages = bench.items()
         note("items", pages["items"], pages["items, tipg"])
@@ -290,7 +290,7 @@ def measure(bench: Bench, rounds: int) -> dict[str, Any]:
             "ratio": statistics.median(ratios[name]) if name in ratios else None,
             **({"other_statuses": odd[name]} if name in odd else {}),
         }
-        for name, values in found.items()
+        for name, values in samples.items()
     }
 
 

@@ -85,8 +85,8 @@ class Bench:
     def sets(self, sequence: Sequence, drives: int, noise_free: bool) -> int:
         """How many sets of drives are scored."""
         if noise_free:
-            known = self.tool is not None and sequence.reference is not None
-            return max(1, self.args.seeds // drives) if known else 0
+            repeatable = self.tool is not None and sequence.reference is not None
+            return max(1, self.args.seeds // drives) if repeatable else 0
         return self.args.seeds if sequence.log is None else 1
 
     def logs(self, sequence: Sequence, drives: int, number: int, profile: str) -> list[Path]:
@@ -99,8 +99,8 @@ class Bench:
 
     def errors(self, sequence: Sequence, drives: int, methods: list[str]) -> dict[str, list[Errors]]:
         """Errors by method, one a set of drives; ``NOISE_FREE`` is the tested method on logs without noise."""
-        found: dict[str, list[Errors]] = {method: [] for method in (*methods, NOISE_FREE)}
-        for name, of_name in found.items():
+        errors: dict[str, list[Errors]] = {method: [] for method in (*methods, NOISE_FREE)}
+        for name, of_name in errors.items():
             clean = name == NOISE_FREE
             method, profile = (self.args.method, NOISE_FREE) if clean else (name, self.args.profile)
             chosen = self.options if method == self.args.method else {}
@@ -109,7 +109,7 @@ class Bench:
                 logs = self.logs(sequence, drives, number, profile)
                 of_name.append(Errors.of(sequence.truth, estimate(sequence, logs, method, chosen)))
         show_progress("")
-        return found
+        return errors
 
 
 def run(args: Namespace) -> list[Row]:
@@ -117,8 +117,8 @@ def run(args: Namespace) -> list[Row]:
     path = args.roadtruth or tool_beside(args.data_dir)
     # A real log with its truth can be scored without the tool, but for logs without noise.
     tool = load_tool(path) if path.exists() or any(args.data_dir.glob("ref_*.csv")) else None
-    wanted = None if args.sequences is None else args.sequences.split(",")
-    sequences = [s for s in find_sequences(args.data_dir, tool) if wanted is None or s.name in wanted]
+    names = None if args.sequences is None else args.sequences.split(",")
+    sequences = [s for s in find_sequences(args.data_dir, tool) if names is None or s.name in names]
     if not sequences:
         sys.exit(f"{args.data_dir}: no sequence named {args.sequences}")
     baselines = [m for m in BASELINES if m != args.method]
@@ -128,10 +128,10 @@ def run(args: Namespace) -> list[Row]:
         bench = Bench(args, tool, Path(folder), dict(item.split("=", 1) for item in args.option))
         for drives in args.drives:
             methods = [args.method] if rows else [args.method, *baselines]
-            found = {s.name: bench.errors(s, drives, methods) for s in sequences}
-            block = [row for name, of in found.items() for row in summarise(name, {m: [of[m]] for m in of})]
-            if len(found) > 1:
-                together = {m: [of[m] for of in found.values()] for m in (*methods, NOISE_FREE)}
+            errors = {s.name: bench.errors(s, drives, methods) for s in sequences}
+            block = [row for name, of in errors.items() for row in summarise(name, {m: [of[m]] for m in of})]
+            if len(errors) > 1:
+                together = {m: [of[m] for of in errors.values()] for m in (*methods, NOISE_FREE)}
                 block += summarise("all", together)
             base = base or base_of(block)
             block = [{"drives": drives, **row, "ratio": ratio(row, base)} for row in block]

@@ -96,7 +96,7 @@ READINGS = ("ours", "thesis")
 Found = dict[str, list[PositionMetrics]]
 
 
-def given(drive: CanyonDrive, name: str, reading: str) -> tuple[Measurements, dict[str, Any]]:
+def measurements_for(drive: CanyonDrive, name: str, reading: str) -> tuple[Measurements, dict[str, Any]]:
     """What a solver is given of a drive, and its options."""
     measured = drive.measurements()
     measured = replace(measured, range_rate_mps=np.full(len(measured.satellite), np.nan))
@@ -111,15 +111,15 @@ def given(drive: CanyonDrive, name: str, reading: str) -> tuple[Measurements, di
 
 def run_scene(drives: list[CanyonDrive], names: list[str], reading: str) -> Found:
     """Metrics of each solver by drive, whose number is the solver's seed."""
-    found: Found = {name: [] for name in names}
+    results: Found = {name: [] for name in names}
     for seed, drive in enumerate(drives):
         for name in names:
             solver = SOLVERS[name]
-            measured, options = given(drive, name, reading)
+            measured, options = measurements_for(drive, name, reading)
             aids = Aids.none(len(measured))
             solution = solver.solve(measured, aids, solver.options_model(**options), seed, no_progress)
-            found[name].append(position_metrics(measured.time_s, solution, drive.ride.position_m))
-    return found
+            results[name].append(position_metrics(measured.time_s, solution, drive.ride.position_m))
+    return results
 
 
 def print_clouds(drives: list[CanyonDrive], counts: list[int]) -> None:
@@ -127,7 +127,7 @@ def print_clouds(drives: list[CanyonDrive], counts: list[int]) -> None:
     for name, count in (*(("pf", n) for n in counts), ("ekf", 0)):
         solver, errors = SOLVERS[name], []
         for seed, drive in enumerate(drives):
-            measured, _ = given(drive, name, "ours")
+            measured, _ = measurements_for(drive, name, "ours")
             options = solver.options_model(**({"particles": count} if count else {}))
             solution = solver.solve(measured, Aids.none(len(measured)), options, seed, no_progress)
             errors.append(position_metrics(measured.time_s, solution, drive.ride.position_m).mean_3d_m)
@@ -137,12 +137,12 @@ def print_clouds(drives: list[CanyonDrive], counts: list[int]) -> None:
 
 def interval(values: Floats) -> tuple[float, float]:
     """Mean and half width of its 95 % interval over the seeds; NaN are left out."""
-    known = np.asarray(values, float)
-    known = known[np.isfinite(known)]
-    if len(known) < 2:
-        return (float(known.mean()) if len(known) else np.nan), np.nan
-    half = stats.t.ppf(0.975, len(known) - 1) * known.std(ddof=1) / np.sqrt(len(known))
-    return float(known.mean()), float(half)
+    finite = np.asarray(values, float)
+    finite = finite[np.isfinite(finite)]
+    if len(finite) < 2:
+        return (float(finite.mean()) if len(finite) else np.nan), np.nan
+    half = stats.t.ppf(0.975, len(finite) - 1) * finite.std(ddof=1) / np.sqrt(len(finite))
+    return float(finite.mean()), float(half)
 
 
 def describe(drives: list[CanyonDrive]) -> str:
@@ -156,12 +156,12 @@ def describe(drives: list[CanyonDrive]) -> str:
     )
 
 
-def print_positions(found: Found) -> None:
+def print_positions(results: Found) -> None:
     """Table 4.3."""
     print(
         f"{'':12}{'mean 3-D m':>19}{'within 5 m':>19}{'MUT s':>19}{'MDT s':>19}{'MTBF s':>19}{'covered':>9}"
     )
-    for name, runs in found.items():
+    for name, runs in results.items():
         columns = [
             [m.mean_3d_m for m in runs],
             [m.within_3d[1] for m in runs],
@@ -178,10 +178,12 @@ def print_positions(found: Found) -> None:
         print(f"{name:12}{''.join(cells)}{covered:9.1%}")
 
 
-def print_order(found: Found) -> None:
+def print_order(results: Found) -> None:
     """Whether each solver of the published order is better than those before it, over the same seeds."""
-    for worse, better in combinations([n for n in (*ORDER, "one-sided") if n in found], 2):
-        gain = np.array([a.mean_3d_m - b.mean_3d_m for a, b in zip(found[worse], found[better], strict=True)])
+    for worse, better in combinations([n for n in (*ORDER, "one-sided") if n in results], 2):
+        gain = np.array(
+            [a.mean_3d_m - b.mean_3d_m for a, b in zip(results[worse], results[better], strict=True)]
+        )
         mean, half = interval(gain)
         says = "yes" if mean - half > 0 else "no, the other way" if mean + half < 0 else "not told apart"
         print(
@@ -213,9 +215,9 @@ def densities(drives: list[CanyonDrive]) -> dict[tuple[str, str], list[list[floa
     return out
 
 
-def print_densities(found: dict[tuple[str, str], list[list[float]]]) -> None:
+def print_densities(densities: dict[tuple[str, str], list[list[float]]]) -> None:
     """Table 3.10."""
-    for (model, which), shares in found.items():
+    for (model, which), shares in densities.items():
         cells = []
         for k, published in enumerate(PUBLISHED_DENSITY[model, which]):
             mean, half = interval(np.array([s[k] for s in shares]))
@@ -250,11 +252,11 @@ def main() -> None:
         print(f"{scene}: {len(drives)} seeds, {describe(drives)}; [published] of table 4.3")
         positions = {}
         for reading in args.readings:
-            found = run_scene(drives, args.solvers, reading)
+            results = run_scene(drives, args.solvers, reading)
             print(f"reading {reading}")
-            print_positions(found)
-            print_order(found)
-            positions[reading] = {name: [asdict(m) for m in runs] for name, runs in found.items()}
+            print_positions(results)
+            print_order(results)
+            positions[reading] = {name: [asdict(m) for m in runs] for name, runs in results.items()}
         tracked = densities(drives)
         print("density tracking, [published] of table 3.10; a sound normal model: 68.3, 95.4, 99.7 %")
         print_densities(tracked)

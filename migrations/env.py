@@ -4,47 +4,27 @@ The database is ``config.attributes["connection"]`` (a SQLAlchemy connection, us
 ``sqlalchemy.url`` that ``app.core.migrate`` sets, else ``VERSANT_DATABASE_URL``.
 """
 
+import importlib
 import os
+import pkgutil
 from typing import Any
 
 from alembic import context
 from geoalchemy2 import alembic_helpers
 from sqlalchemy import Connection, create_engine, pool
 
-from app.core import migrate, schema
+from app.core import migrate, schema, tables
 from app.core.settings.places import sqlalchemy_url
 from app.core.tables import Base
-from app.core.tables import batches as _batches
-from app.core.tables import cells as _cells
-from app.core.tables import exports as _exports
-from app.core.tables import following as _following
-from app.core.tables import operations as _operations
-from app.core.tables import passes as _passes
-from app.core.tables import roads as _roads
-from app.core.tables import served as _served
-from app.core.tables import service as _service
-from app.core.tables import tiles as _tiles
-from app.core.tables import trials as _trials
+from app.core.tables.network import PARTITION_PREFIX
 
-_OF_THE_SAME_BASE = (
-    _batches,
-    _cells,
-    _exports,
-    _following,
-    _operations,
-    _passes,
-    _roads,
-    _served,
-    _service,
-    _tiles,
-    _trials,
-)
-"""They describe the other tables of it."""
+for _module in pkgutil.iter_modules(tables.__path__, f"{tables.__name__}."):
+    importlib.import_module(_module.name)  # each describes tables of the same base
 
 
 def include_object(thing: Any, name: str | None, kind: str, reflected: bool, compare_to: Any) -> bool:
     """Hide the queue's tables, partitions and PostGIS's own from the comparison."""
-    if kind == "table" and name is not None and name.startswith(("procrastinate_", _passes.PARTITION_PREFIX)):
+    if kind == "table" and name is not None and name.startswith(("procrastinate_", PARTITION_PREFIX)):
         return False
     return bool(alembic_helpers.include_object(thing, name, kind, reflected, compare_to))
 

@@ -31,6 +31,7 @@ from app.core.settings.places import libpq_url
 from app.core.telemetry.logs import CHATTY, JsonLines, TextLines
 from app.embedded.cluster import EmbeddedPostgres
 from app.embedded.errors import PostgresMissingError
+from changed_tests import ALWAYS
 
 if TYPE_CHECKING:
     from fusion.simulate.scene.town import Town
@@ -41,6 +42,8 @@ MEMORY = Path("/dev/shm")  # noqa: S108  (a file system in memory; what is made 
 ROOM_BYTES = 4 * 2**30
 """As much may the servers of a run need, one for each of its processes, with their logs."""
 
+FIRST_TEST_S = pytest.StashKey[float]()
+
 # Waiting threads of compiled loops sleep instead of spinning, as the command line sets it.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
@@ -50,20 +53,19 @@ hypothesis_settings.register_profile("untimed", deadline=None)
 hypothesis_settings.register_profile("quick", deadline=None, max_examples=20)
 hypothesis_settings.load_profile("untimed")
 
-STARTED_S = time.monotonic()
-
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """``--seconds 35``: for a look at what changed, of which there may be much."""
-    parser.addoption(
-        "--seconds", type=float, help="begin no test later than this after the start; say how many"
-    )
+    help_text = "after so long begin no test but those of layout and contracts, and say how many are left"
+    parser.addoption("--seconds", type=float, help=help_text)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip what does not fit into ``--seconds`` any more."""
+    """Skip what does not begin within ``--seconds`` of the first test."""
+    begin_s = item.config.stash.setdefault(FIRST_TEST_S, time.monotonic())
     most_s = item.config.getoption("--seconds")
-    if most_s is not None and time.monotonic() - STARTED_S > most_s:
+    in_time = most_s is None or time.monotonic() - begin_s <= most_s
+    if not in_time and item.path.relative_to(REPOSITORY).as_posix() not in ALWAYS:
         pytest.skip(f"not begun within {most_s:g} s: `make test` runs it")
 
 

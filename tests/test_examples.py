@@ -24,7 +24,7 @@ import pandas as pd
 import pytest
 
 import fusion
-from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.demonstration import Demonstration, write_all
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 NOTEBOOK = DOCS / "files" / "notebook.ipynb"
@@ -122,13 +122,13 @@ def test_what_the_page_names_of_the_library_is_offered() -> None:
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     return write_all(tmp_path_factory.mktemp("town"), 2, seed=1, duration_s=60.0)
 
 
 @pytest.mark.slow
 def test_the_script_makes_a_file_of_logs(
-    bundle: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    bundle: Demonstration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "slopes.gpkg"
     arguments = [*bundle.drives, "--roads", bundle.osm, "--dem", bundle.dem, "-o", out]
@@ -143,7 +143,7 @@ def test_the_script_makes_a_file_of_logs(
 
 
 @pytest.mark.slow
-def test_the_page_on_reports_has_every_field(bundle: Bundle) -> None:
+def test_the_page_on_reports_has_every_field(bundle: Demonstration) -> None:
     page = (DOCS / "reference" / "drive-report.md").read_text(encoding="utf-8")
     stored = page.partition("## Added when")[0]
     cells = re.findall(r"^\| (`.*?) \|", stored, re.MULTILINE)

@@ -1,16 +1,13 @@
-"""The documents say what the code does: their tables are made from the code, and names in their text exist.
+"""The documents say what the code does: their tables are made from the code.
 
-``python tests/test_readme.py --write`` renews the tables.
+``make tables`` renews them.
 """
 
 from __future__ import annotations
 
 import inspect
-import re
-import shlex
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,9 +20,8 @@ from app.core.telemetry.measures import MEASURES
 from app.exports.formats import FORMATS as EXPORTS
 from app.main import create_app
 from app.map.items.collections import SEGMENTS, WAYS, Collection
-from app.ops.metrics import LABELS, Gauges, Metrics
-from app.ops.store import WaitingCells
-from app.web.guides import sections, slug
+from app.ops.metrics import GAUGES, LABELS, Gauges, Metrics
+from document_pages import PAGES, TABLE
 from fusion.catalogue import METHODS, POSITIONINGS, SOLVERS
 from fusion.filters.resampling import RESAMPLERS
 from fusion.filters.triggers import TRIGGERS
@@ -35,19 +31,8 @@ from fusion.options import option_facts
 from fusion.registry import DEFAULT_METHOD
 from fusion.terrain.windows import WINDOWS
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-README = REPOSITORY / "README.md"
-DOCS = REPOSITORY / "docs"
-PAGES = (
-    README,
-    REPOSITORY / "CONTRIBUTING.md",
-    *(path for path in sorted(DOCS.rglob("*.md")) if "_build" not in path.parts),
-)
-MOST_WORDS = 700
-"""Of README."""
 EXPERIMENTS = {"calais", "lahrech", "saadaoui", "methods_on_roads"}
 """Tables that ``benchmarks/seeds.py --write`` renews."""
-TABLE = re.compile(r"<!-- table: (\w+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -228,7 +213,7 @@ def outputs() -> str:
     return table(("format", "suffix", "what"), rows)
 
 
-def handovers() -> str:
+def consumer_formats() -> str:
     rows = [
         (
             code(name),
@@ -242,7 +227,7 @@ def handovers() -> str:
     return table(("name", "for", "suffixes", "what"), rows)
 
 
-def handover_options() -> str:
+def consumer_options() -> str:
     rows = [
         (code(name), code(option), plain(fact.default), fact.allowed, fact.description)
         for name, item in EXPORTS.items()
@@ -254,7 +239,7 @@ def handover_options() -> str:
 
 def metrics() -> str:
     """Every metric that a service with a database exposes."""
-    nothing = Gauges({}, 0, 0.0, 0, WaitingCells(0, 0), 0.0, {}, 0, {})
+    nothing = Gauges({}, {}, dict.fromkeys(GAUGES, 0.0), {})
     rows = []
     for family in Metrics(lambda: nothing).registry.collect():
         name = f"{family.name}_total" if family.type == "counter" else family.name
@@ -282,8 +267,8 @@ MAKERS: dict[str, Callable[[], str]] = {
         positionings,
         solver_options,
         outputs,
-        handovers,
-        handover_options,
+        consumer_formats,
+        consumer_options,
         metrics,
     )
 }
@@ -299,97 +284,10 @@ def test_every_table_is_there_once() -> None:
     assert sorted(name for name, _ in written_tables()) == sorted(MAKERS)
 
 
-def test_the_readme_is_short() -> None:
-    assert len(README.read_text().split()) <= MOST_WORDS
-
-
 @pytest.mark.parametrize("name", MAKERS)
 def test_table_says_what_the_code_does(name: str) -> None:
     written = dict(written_tables())[name]
-    assert written == MAKERS[name](), "run: python tests/test_readme.py --write"
-
-
-def prose() -> str:
-    """All pages without their generated tables."""
-    return "\n".join(TABLE.sub("", page.read_text()) for page in PAGES)
-
-
-def test_commands_in_the_text_exist_with_their_options() -> None:
-    group: Any = typer.main.get_command(cli)
-    found = re.findall(r"versant ([a-z][a-z-]*)((?: [^`#\n]*)?)", prose())
-    assert found
-    for name, rest in found:
-        if name not in COMMANDS:
-            assert not rest.strip().startswith("-"), name
-            assert name in {"command"}, f"versant {name}"
-            continue
-        command, words = group.commands[name], shlex.split(rest.replace("&", ""))
-        if hasattr(command, "commands"):  # a group: its command comes first
-            command = command.commands[words.pop(0)]
-        known = {flag for parameter in command.params for flag in parameter.opts}
-        for word in words:
-            if word.startswith("-"):
-                assert word in known | {"--help"}, f"versant {name} {word}"
-
-
-def test_variables_in_the_text_exist() -> None:
-    known = {ENV_PREFIX + name.upper() for name in Settings.model_fields}
-    named = set(re.findall(r"VERSANT_[A-Z_]+", prose()))
-    assert named
-    assert named <= known
-
-
-def test_routes_in_the_text_exist() -> None:
-    patterns = [re.sub(r"\{\w+\}", r"[^/]+", path) for _, path, _ in operations()] + ["/openapi.json"]
-    named = re.findall(r"(?<![\w.])(/(?:v1|tiles|collections|problems|openapi)[^\s`'?),;]*)", prose())
-    assert named
-    for path in named:
-        assert any(re.fullmatch(pattern, path) for pattern in patterns), path
-
-
-def test_make_targets_in_the_text_exist() -> None:
-    makefile = (REPOSITORY / "Makefile").read_text()
-    named = re.findall(r"(?:`|^)make ([a-z]+)", prose(), re.MULTILINE)
-    assert {"demo", "test"} <= set(named)
-    for target in named:
-        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(REPOSITORY).as_posix())
-def test_files_in_the_text_exist(page: Path) -> None:
-    text = TABLE.sub("", page.read_text())
-    named = re.findall(r"`((?:fusion|app|tests|benchmarks|migrations|docs)/[\w/.-]+)`", text)
-    assert [name for name in named if "NAME" not in name and not (REPOSITORY / name).exists()] == []
-    links = re.findall(r"\]\(((?!https?:)[^)#]+)", text)
-    assert [name for name in links if not (page.parent / name).exists()] == []
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(REPOSITORY).as_posix())
-def test_headings_that_links_name_exist(page: Path) -> None:
-    broken = []
-    for path, anchor in re.findall(r"\]\(((?!https?:)[^)#]*)#([^)]+)\)", page.read_text()):
-        target = (page.parent / path).resolve() if path else page
-        headings = re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)
-        if anchor not in {slug(heading.replace("`", "")) for heading in headings}:
-            broken.append(f"{path}#{anchor}")
-    assert broken == []
-
-
-def test_the_index_lists_every_page_once() -> None:
-    pages = [page.relative_to(DOCS).as_posix() for page in PAGES if page.is_relative_to(DOCS)]
-    listed = [f"{name}.md" for section in sections() for name, _ in section.pages]
-    assert sorted([*listed, "index.md"]) == pages
-
-
-def test_folders_of_the_layout_exist() -> None:
-    (block,) = re.findall(r"```\n(fusion/ .*?)```", prose(), re.DOTALL)
-    parent = ""
-    for line in block.splitlines():
-        for name in re.findall(r"(?:^|\s)([a-z_]+/|[a-z_]+\.py)(?=\s|,|;|$)", line):
-            top = not line.startswith(" ")
-            parent = name if top else parent
-            place = REPOSITORY / (name if top else parent + name)
-            assert place.exists(), place
+    assert written == MAKERS[name](), "run: make tables"
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from fastapi.responses import StreamingResponse
 
 from app.changes.live import Change, Live
 from app.core.http import problems
-from app.core.sse import EventStream, event, events_of, stream_answer
+from app.core.receiving.sse import EventStream, event, events_of, stream_answer
 from app.core.text import dumps
 
 DIGITS = 6
@@ -42,7 +42,7 @@ router = APIRouter(prefix="/v1/changes", tags=["changes"])
 async def map_events(live: Annotated[Live, Depends(get_live)]) -> StreamingResponse:
     """Tells a map that is open what to fetch anew: the present `version` at once, then each change within a second.
 
-    `bbox` is west, south, east, north of the squares in which anything changed, null where it may be anything. Versions
+    `bbox` is west, south, east, north of the cells in which anything changed, null where it may be anything. Versions
     are equal while the tiles are: who connects again and gets another one than the last has missed something. Which
     segments changed is told by `GET /v1/changes`. The stream ends after ten minutes; a browser's EventSource connects
     again by itself. Where too many streams are open already the answer is 503.

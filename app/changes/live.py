@@ -13,7 +13,7 @@ import psycopg
 
 from app.core.db import Bounds
 from app.core.receiving.clients import Shares
-from app.core.sse import Follower, Followers
+from app.core.receiving.sse import Follower, Followers
 
 LOOK_EVERY_S = 0.5
 AGAIN_S = 2.0

@@ -104,12 +104,12 @@ def state(session: Session) -> State:
     A database that was restored or copied begins its epoch here, at the first question. ``NotReadyError`` where that
     is under way.
     """
-    found = _state(session)
-    if found is None and begin_epoch(sessionmaker(session.get_bind()), MOST_AT_ONCE) is not None:
-        found = _state(session)
-    if found is None:  # much to do, or a snapshot from before
+    current = _state(session)
+    if current is None and begin_epoch(sessionmaker(session.get_bind()), MOST_AT_ONCE) is not None:
+        current = _state(session)
+    if current is None:  # much to do, or a snapshot from before
         raise NotReadyError("The database was restored, and a worker prepares it. Try again in a moment.")
-    return found
+    return current
 
 
 def horizon(session: Session) -> Moment:

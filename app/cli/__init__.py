@@ -171,8 +171,8 @@ app = typer.Typer(
 )
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
         from app.core.version import code_version  # noqa: PLC0415
 
         typer.echo(f"versant {code_version()}")

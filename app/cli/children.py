@@ -1,6 +1,6 @@
 """Child processes that are kept running and stopped within a stated time: the service's parts, a worker's lanes.
 
-Knows them by their commands alone; what is forked instead is ``lanes``'s to know.
+They are commands here; ``lanes`` forks its children instead.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from app.cli.console import Console
 from app.core.settings import ENV_PREFIX, Settings
 
 STOP_MARGIN_S = 5.0
-"""Beyond the grace that children have: they end within that, unless the machine is overloaded."""
+"""Added to the grace of children, within which they end unless the machine is overloaded."""
 
 BEGIN_ANEW = 75
 """Exit status of a child that ended in order, to be started again at once (EX_TEMPFAIL)."""
@@ -39,7 +39,7 @@ _MEMORY_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 
 class Process(Protocol):
-    """What is asked of a child's process, as ``subprocess.Popen`` answers it."""
+    """A child's process, with the methods of ``subprocess.Popen`` that are used."""
 
     pid: int
     returncode: int | Any
@@ -48,7 +48,7 @@ class Process(Protocol):
         """Exit status, None while it runs."""
 
     def wait(self, timeout: float | None = None) -> int:
-        """Exit status once it has ended; raises ``subprocess.TimeoutExpired`` after so many seconds."""
+        """Exit status once it has ended; raises ``subprocess.TimeoutExpired`` after ``timeout`` seconds."""
 
     def terminate(self) -> None:
         """Ask it to end."""
@@ -73,14 +73,14 @@ class Child:
         """Start it in its own session: a Ctrl-C in the terminal is for the parent, which stops everything.
 
         The pipe at its standard input is never written to. It closes when the parent dies, however it dies.
-        No signal interrupts this: a child that nobody knows of would be stopped by nobody.
+        No signal interrupts this, since nobody would stop a child that is not recorded yet.
         """
         self.started_s = time.monotonic()
         with _signals_held():
             self.process = self.begun()
 
     def begun(self) -> Process:
-        """Its process, just started."""
+        """Start its process."""
         return subprocess.Popen(  # noqa: S603 - our own program with our own arguments
             self.command, env=self.environment, stdin=subprocess.PIPE, start_new_session=True
         )
@@ -116,10 +116,10 @@ class Child:
 
 
 class Watched(Protocol):
-    """What is looked after again and again."""
+    """Something that is checked again and again."""
 
     def look_after(self, console: Console) -> None:
-        """Set right what has gone wrong, and say so."""
+        """Repair what has failed, and report it."""
 
 
 @dataclass
@@ -130,7 +130,7 @@ class Children:
     console: Console
     children: list[Child] = field(default_factory=list)
     earlier_s: float = 0.0
-    """By so much sooner than others their children are killed."""
+    """Seconds by which these children are killed before others."""
 
     def __enter__(self) -> Self:
         try:

@@ -208,7 +208,7 @@ class Client:
 
 
 class _Counted(io.RawIOBase):
-    """A file that tells how many bytes were read from it."""
+    """A file that reports how many bytes were read from it."""
 
     def __init__(self, file: BinaryIO, sent: BytesSent) -> None:
         self._file, self._sent = file, sent

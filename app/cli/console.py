@@ -1,4 +1,4 @@
-"""What the commands say: progress bars and notes on standard error, tables and figures on standard output."""
+"""Output of the commands: progress bars and notes on standard error, tables and figures on standard output."""
 
 from __future__ import annotations
 

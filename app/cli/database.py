@@ -1,4 +1,4 @@
-"""Where a command finds its database: a server that is named, or the embedded cluster, which comes migrated."""
+"""The database of a command: a server that is named, or the embedded cluster, which is migrated when it is opened."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
 def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[tuple[Settings, Sessions]]:
     """Settings and sessions of the database that ``--data-dir`` or the environment names.
 
-    Whoever is answered by the service goes before the command that works with them. Where there is no embedded
-    database yet one is made, and said so to ``make``; without it, ``NothingHereError``. What it counts
-    is added to the service's figures; it logs where the environment says how.
+    The command works at background priority. A missing embedded database is made where ``make`` is given, which is told
+    so; else ``NothingHereError``. What the command counts is added to the service's figures. It logs if the environment
+    says how.
     """
     named, embedded = settings_for(data_dir), True if data_dir else None
     see_to_cluster(named, embedded, make)
@@ -56,7 +56,7 @@ def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[
 def as_it_is(
     settings: Settings, *, embedded: bool | None, make: bool = False
 ) -> Iterator[tuple[Settings, Sessions]]:
-    """Settings and sessions of a database that is not migrated, for who looks after it or brings it back.
+    """Settings and sessions of a database as it is, not migrated: for its inspection, backup and restoration.
 
     ``embedded`` as of ``database``. ``make``: where there is no embedded database, an empty one is made.
     """
@@ -76,8 +76,9 @@ def as_it_is(
 
 
 def see_to_cluster(settings: Settings, embedded: bool | None, make: Console | None = None) -> None:
-    """Whether there is a cluster where ``database`` would start one; if not it is said to ``make``, or
-    ``NothingHereError``, so that no mistyped folder becomes an empty database.
+    """Refuse to start a cluster where there is none (``NothingHereError``), unless ``make`` is given, which is told.
+
+    So no mistyped folder becomes an empty database.
     """
     uses_cluster = settings.database_url is None if embedded is None else embedded
     if not uses_cluster or has_cluster(settings.data_dir):
@@ -117,7 +118,7 @@ def open_cluster(settings: Settings) -> Iterator[EmbeddedPostgres]:
 
 
 def close_files(settings: Settings) -> None:
-    """See that nobody else on this machine reads logs and rasters that lie beside the embedded cluster.
+    """Close the folders of logs and rasters beside the embedded cluster to other users of this machine.
 
     A log is where somebody lives. Folders that are named apart (``blob_url``, ``dem_url``), and those beside a database
     server, have the rights that whoever made them chose.

@@ -118,7 +118,7 @@ def remove(
             gone = chosen(former, names)
             remaining = [source for source in former if source not in gone]
             effect = effect_of_removal(session, gone, remaining)
-        typer.echo(_told(gone, remaining, effect))
+        typer.echo(_describe_effect(gone, remaining, effect))
         if not dry_run:
             _confirm(effect, yes)
             with console.progress() as bars:
@@ -134,7 +134,7 @@ _ADVICE = (
 )
 
 
-def _told(gone: Sequence[DemSource], remaining: Sequence[DemSource], effect: Effect) -> str:
+def _describe_effect(gone: Sequence[DemSource], remaining: Sequence[DemSource], effect: Effect) -> str:
     names = ", ".join(source.name for source in gone)
     return (
         f"Under {names} lie {effect.segments} segments, {effect.measured} of them measured, and {effect.drives} "

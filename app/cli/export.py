@@ -84,7 +84,7 @@ def export(
 
     console: Console = ctx.obj
     box = parse_box(bbox)
-    request = _asked(out, form, option, box, region, driven, gaps)
+    request = _request_for(out, form, option, box, region, driven, gaps)
     if request is None and map_file is None:
         raise typer.BadParameter(
             "nothing is asked for: name a file by -o, or a map by --map.", param_hint="-o"
@@ -125,7 +125,7 @@ def export(
     write_json(json_file, figures)
 
 
-def _asked(
+def _request_for(
     out: Path | None,
     form: str | None,
     option: list[str] | None,
@@ -134,7 +134,7 @@ def _asked(
     driven: bool,
     gaps: bool,
 ) -> Request | None:
-    """What is to be written; refuses, before any work, names that say nothing, and options that there are not."""
+    """What is to be written; names and options that do not exist are wrong usage, before any work."""
     from app.exports.formats import format_for
     from app.exports.making import request_of
 

@@ -190,13 +190,13 @@ def _one(fusion: Fusion, source: LogFiles, console: Console, bars: Bars) -> dict
     from app.cli.fuse_files import outcome_of
 
     try:
-        twin = fusion.twin(source)
-        if twin is not None:
-            console.note(f"{source.name}: the same bytes as {twin}, counted once.")
+        earlier = fusion.earlier_copy(source)
+        if earlier is not None:
+            console.note(f"{source.name}: the same bytes as {earlier}, counted once.")
             return {
                 "file": source.name,
                 "status": "repeated",
-                "reason": f"the same bytes as {twin}",
+                "reason": f"the same bytes as {earlier}",
                 "segments": 0,
             }
         return outcome_of(fusion.add(source, bars.work(source.short_name)))

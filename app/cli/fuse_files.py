@@ -1,4 +1,4 @@
-"""Logs, a road file and rasters in; combined segments out. What the service does, without its database."""
+"""Logs, a road file and rasters in; combined segments out: the service's computation without its database."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ class Combined(NamedTuple):
 
     features: list[Segment]
     rejected: list[int]
-    """For each log, on how many segments it contradicts the others and is not heard."""
+    """For each log, on how many segments it contradicts the others and is rejected."""
     duplicates: dict[int, int]
-    """Logs of a drive that another log is of too, each with that one, by their places in ``Fusion.fused``."""
+    """Duplicate drives, each with the log that counts in its place, by their places in ``Fusion.fused``."""
     remarks: list[str]
     """Sentences on control points and the elevation model."""
     height_datum: str | None
@@ -60,7 +60,7 @@ class Combined(NamedTuple):
 
 @dataclass
 class Fusion:
-    """What several logs say together; slopes are kept per segment until they are combined."""
+    """Several logs, fused one by one, and then solved together."""
 
     method: str
     options: Options
@@ -70,7 +70,7 @@ class Fusion:
     fused: list[FusedLog] = field(default_factory=list)
     _seen: dict[tuple[str, ...], LogFiles] = field(default_factory=dict)
 
-    def twin(self, source: LogFiles) -> str | None:
+    def earlier_copy(self, source: LogFiles) -> str | None:
         """The earlier log of the same bytes, if there is one: the service counts such a drive once, too."""
         digests = sorted(_digest(path) for path in source.files())
         earlier = self._seen.setdefault(tuple(digests), source)
@@ -161,7 +161,7 @@ def outcome_of(fused: FusedLog) -> dict[str, Any]:
 def agreement(together: Combined, names: Sequence[str], outcomes: Sequence[dict[str, Any]]) -> None:
     """Add to the outcomes of the logs that were fused, of these names, how each agrees with the others."""
     for k, (outcome, rejected) in enumerate(zip(outcomes, together.rejected, strict=True)):
-        report, twin = outcome["report"], together.duplicates.get(k)
+        report, duplicate = outcome["report"], together.duplicates.get(k)
         warnings = with_contradiction(report["warnings"], rejected, report["segments_in_network"])
-        report["warnings"] = warnings if twin is None else with_duplicate(warnings, names[twin])
+        report["warnings"] = warnings if duplicate is None else with_duplicate(warnings, names[duplicate])
         report["rejected_segments"] = outcome["rejected_segments"] = rejected

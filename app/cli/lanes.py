@@ -41,7 +41,7 @@ from app.core.telemetry.tracing import begin_tracing, end_tracing
 from app.drives.worker import run_worker
 
 _EARLIER_S = STOP_MARGIN_S / 2
-"""Lanes are gone before whoever started this process loses patience with it."""
+"""Lanes are stopped earlier than this process, which its parent kills after the full margin."""
 _LOOK_EVERY_S = 0.05
 _COMPILE = (sys.executable, "-m", "app.cli.compiling")
 
@@ -69,7 +69,7 @@ class Forked:
         return self.returncode
 
     def wait(self, timeout: float | None = None) -> int:
-        """Exit status once it has ended; raises ``subprocess.TimeoutExpired`` after so many seconds."""
+        """Exit status once it has ended; raises ``subprocess.TimeoutExpired`` after ``timeout`` seconds."""
         ends = None if timeout is None else time.monotonic() + timeout
         while (status := self.poll()) is None:
             if ends is not None and time.monotonic() > ends:
@@ -120,7 +120,7 @@ class Lane(Child):
 
 @dataclass
 class Lanes(Children):
-    """All lanes of a worker; use as a context manager. Whoever is in here has loaded what lanes share."""
+    """All lanes of a worker; use as a context manager, after loading what lanes share."""
 
     earlier_s: float = _EARLIER_S
     prepare: Callable[[Settings], object] = field(kw_only=True)

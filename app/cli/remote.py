@@ -69,12 +69,12 @@ def upload(
         options["gnss_options"] = parse_assignments(gnss_option, "--gnss-option")
     if columns:
         options["columns"] = parse_columns(columns)
-    chosen = Chosen(method, options, gnss)
+    computation = {"method": method, "options": options, "gnss": gnss}
     uploads = [Upload(source) for source in drives_of(files, together)]
     with service_client(server) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
         for one in uploads:
-            _send(client, one, chosen, bars, console, wait=wait)
+            _send(client, one, computation, bars, console, wait=wait)
         if wait:
             for one in uploads:
                 _follow(client, one, bars, console)
@@ -96,15 +96,6 @@ def service_client(server: str | None) -> Client:
         return Client(server)
     except ClientError as error:
         raise typer.BadParameter(str(error), param_hint="'--server'") from error
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """How drives are to be computed; None: as the service does by itself."""
-
-    method: str | None
-    options: dict[str, Any]
-    gnss: str | None
 
 
 @dataclass
@@ -152,13 +143,14 @@ class Upload:
         }
 
 
-def _send(client: Client, one: Upload, chosen: Chosen, bars: Bars, console: Console, *, wait: bool) -> None:
+def _send(
+    client: Client, one: Upload, computation: dict[str, Any], bars: Bars, console: Console, *, wait: bool
+) -> None:
+    """Upload one drive; ``computation`` is what ``Client.upload`` takes beside the files."""
     try:
         files = one.source.files()
         advance = bars.count(f"sending {one.source.short_name}", sum(path.stat().st_size for path in files))
-        one.drive = client.upload(
-            *files, method=chosen.method, options=chosen.options, gnss=chosen.gnss, sent=advance
-        )
+        one.drive = client.upload(*files, **computation, sent=advance)
     except (FusionError, OSError) as error:
         one.reason = console.complain_of(one.source.name, error)
     else:

@@ -31,7 +31,7 @@ def simulate(
     json_file: JsonFile = None,
 ) -> None:
     """Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv)."""
-    from fusion.simulate.bundle import write_all
+    from fusion.simulate.demonstration import write_all
     from fusion.simulate.drive import simulate_drive
     from fusion.simulate.motion.routes import structures
     from fusion.simulate.write.csv_file import write_csv
@@ -44,7 +44,7 @@ def simulate(
             bundle = write_all(out, drives, seed, duration_s=duration_s, rate_hz=rate_hz, progress=show)
             paths = list(bundle.drives)
         else:
-            _known(receiver)
+            _check_receiver(receiver)
             bundle = write_all(out, 0, seed, progress=show)
             paths, simulated = [], []
             for k in range(drives):
@@ -68,7 +68,7 @@ def simulate(
     )
 
 
-def _known(receiver: str) -> None:
+def _check_receiver(receiver: str) -> None:
     from fusion.simulate.receiver.profiles import RECEIVERS
 
     with naming("--receiver"):

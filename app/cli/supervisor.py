@@ -1,6 +1,6 @@
-"""Keeps the API and the workers running as child processes, and stops them quickly and completely.
+"""Keeps the API and the workers running as child processes, and the embedded database with them.
 
-Knows them by their commands and addresses alone; of the database it knows the embedded cluster's life.
+Knows the children by their commands and addresses alone.
 """
 
 from __future__ import annotations

@@ -142,7 +142,7 @@ def _backup_figures(manifest: Manifest) -> dict[str, Any]:
 def doctor(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
     """Look for what is wrong with a service; changes nothing.
 
-    Versions, room, database and schema, clocks, queue, squares, logs, elevation, and who reaches the API; each finding
+    Versions, room, database and schema, clocks, queue, cells, logs, elevation, and who reaches the API; each finding
     with what to do. Exit status 1 where something fails, 0 with warnings.
     """
     from app.cli.database import as_it_is, settings_for

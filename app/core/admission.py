@@ -24,7 +24,7 @@ from app.core.problems import problem_response
 from app.core.receiving.clients import Shares, present_client
 
 LONGEST_WAIT_S = 10.0
-"""A client that would wait longer is told to come again."""
+"""A client that would wait longer is answered 503."""
 MOST_WAITING = 400
 """In each class, of one client half as many: a map asks for some sixty tiles at once."""
 FOR_OTHERS = 2

@@ -19,7 +19,18 @@ from typing import Any, BinaryIO, Self
 from fsspec.spec import AbstractBufferedFile
 
 from app.core.content import ContentHash
-from app.core.filesystems import complete, file_system, free_bytes, full_is_told, make_folder, storage_full
+from app.core.filesystems import (
+    INCOMING,
+    complete,
+    file_system,
+    free_bytes,
+    full_is_told,
+    make_folder,
+    modified_at,
+    put_file,
+    remove_file,
+    storage_full,
+)
 
 BLOCK_BYTES = 8 * 2**20
 """What is collected for one request to a bucket; ten thousand such are a blob."""
@@ -30,9 +41,8 @@ NOTED_WITHIN = timedelta(hours=1)
 """The first upload's blob is there before its database is noted."""
 
 LOGS, EXPORTS, IMPORTS = "drives", "exports", "imports"
-"""The parts of a store: logs of drives, files that were made for somebody, and files that the operator imports."""
+"""Sections of a store: logs of drives, files that were made for somebody, and files that the operator imports."""
 
-_INCOMING = "incoming"
 _DATABASES = "databases"
 
 
@@ -52,11 +62,12 @@ class StoredBlob:
 class BlobStore:
     """Blobs below ``url`` (any fsspec URL; a plain path is a folder). Safe to share between threads."""
 
-    def __init__(self, url: str, kept: str = LOGS) -> None:
-        """The folder is created when the first blob arrives. ``kept``: the part of the store, which knows its own blobs
-        alone."""
+    def __init__(self, url: str, section: str = LOGS) -> None:
+        """The folder is created when the first blob arrives. ``section``: of the store; only its blobs are
+        listed.
+        """
         self._fs, self._root = file_system(url)
-        self._kept = kept
+        self._section = section
         self._noted: set[str] = set()
 
     def writer(
@@ -67,7 +78,7 @@ class BlobStore:
         ``StorageFullError`` as soon as less than ``keep_free_bytes`` would stay free, at once where ``expected_bytes``
         are too many already. What unpacks to more than ``max_content_bytes`` counts as its own content.
         """
-        writer = BlobWriter(self._fs, self._root, self._kept, keep_free_bytes, max_content_bytes)
+        writer = BlobWriter(self._fs, self._root, self._section, keep_free_bytes, max_content_bytes)
         try:
             writer.require_room(expected_bytes)
         except BaseException:
@@ -76,17 +87,17 @@ class BlobStore:
         return writer
 
     def free_bytes(self) -> int | None:
-        """How much room there is for blobs; None where nothing tells, as of a bucket."""
+        """Free room for blobs, bytes; None where it is unknown, as of a bucket."""
         return free_bytes(self._fs, self._root)
 
     def probe(self) -> None:
         """Write a few bytes and remove them again: raises what an upload would meet."""
-        path = f"{self._root}/{_INCOMING}/{uuid.uuid4().hex}"
-        make_folder(self._fs, f"{self._root}/{_INCOMING}")
+        path = f"{self._root}/{INCOMING}/{uuid.uuid4().hex}"
+        make_folder(self._fs, f"{self._root}/{INCOMING}")
         try:
             self._fs.pipe_file(path, b"ready")
         finally:
-            _remove(self._fs, path)
+            remove_file(self._fs, path)
 
     def exists(self, key: str) -> bool:
         """Whether the blob is there."""
@@ -108,32 +119,25 @@ class BlobStore:
         """
         if self.exists(key):
             return False
-        part = f"{self._root}/{_INCOMING}/{uuid.uuid4().hex}"
         with full_is_told():
-            make_folder(self._fs, f"{self._root}/{_INCOMING}")
-            try:
-                self._fs.put_file(str(path), part)
-                complete(self._fs, part, f"{self._root}/{key}")
-            except BaseException:
-                _remove(self._fs, part)
-                raise
+            put_file(self._fs, self._root, path, key)
         return True
 
     def delete(self, key: str) -> None:
         """Remove the blob; one that is not there is no error."""
-        _remove(self._fs, f"{self._root}/{key}")
+        remove_file(self._fs, f"{self._root}/{key}")
 
     def keys(self) -> list[str]:
         """The keys of all complete blobs, sorted."""
-        return [f"{self._kept}/{path.rsplit('/', 1)[-1]}" for path in sorted(self._list(self._kept))]
+        return [f"{self._section}/{path.rsplit('/', 1)[-1]}" for path in sorted(self._list(self._section))]
 
     def sweep(self, older_than: timedelta = timedelta(days=1)) -> int:
         """Remove parts of uploads that began longer ago than ``older_than``; return how many."""
         limit = datetime.now(UTC) - older_than
         removed = 0
-        for path in self._list(_INCOMING):
+        for path in self._list(INCOMING):
             if _changed_at(self._fs, path) < limit:
-                _remove(self._fs, path)
+                remove_file(self._fs, path)
                 removed += 1
         return removed
 
@@ -145,7 +149,7 @@ class BlobStore:
     def register_database(self, identity: str) -> None:
         """Note that this database refers to blobs here, so that no other takes them for orphans.
 
-        Where there are blobs and no notes, nobody knows whose the blobs are: that is noted as well.
+        Blobs without any note are of unknown databases: that is noted as well.
         """
         if identity in self._noted:
             return
@@ -161,10 +165,10 @@ class BlobStore:
         return sorted(path.rsplit("/", 1)[-1] for path in self._list(_DATABASES))
 
     def forget_databases(self, but: str) -> None:
-        """Let this database be the only one that is known to refer to blobs here."""
+        """Forget all databases that refer to blobs here, except this one."""
         for identity in self.databases():
             if identity != but:
-                _remove(self._fs, f"{self._root}/{_DATABASES}/{identity}")
+                remove_file(self._fs, f"{self._root}/{_DATABASES}/{identity}")
 
     def _note(self, identity: str) -> None:
         with full_is_told():
@@ -181,21 +185,23 @@ class BlobStore:
 class BlobWriter:
     """One blob on its way in. Use as a context manager; without ``finish`` nothing is left behind.
 
-    How large a blob may become is for whoever writes it to say: ``size_bytes`` is what it has so far.
+    The writer's user limits its size: ``size_bytes`` counts what was written so far.
     """
 
-    def __init__(self, fs: Any, root: str, kept: str, keep_free_bytes: int, max_content_bytes: int) -> None:
+    def __init__(
+        self, fs: Any, root: str, section: str, keep_free_bytes: int, max_content_bytes: int
+    ) -> None:
         self._fs = fs
         self._root = root
-        self._kept = kept
+        self._section = section
         self._keep_free_bytes = keep_free_bytes
         self._name = uuid.uuid4().hex
-        self._part = f"{root}/{_INCOMING}/{self._name}"
+        self._part = f"{root}/{INCOMING}/{self._name}"
         self._hash = ContentHash(max_content_bytes)
         self._finished = self._closed = False
         self.size_bytes = 0
         with full_is_told():
-            make_folder(fs, f"{root}/{_INCOMING}")
+            make_folder(fs, f"{root}/{INCOMING}")
             self._file = fs.open(self._part, "wb", block_size=BLOCK_BYTES)
 
     def __enter__(self) -> Self:
@@ -214,7 +220,7 @@ class BlobWriter:
             self._file.write(chunk)
 
     def require_room(self, size_bytes: int) -> None:
-        """``StorageFullError`` unless so many bytes more leave as much free as is to stay free."""
+        """``StorageFullError`` unless the room to keep free remains after ``size_bytes`` more."""
         free = free_bytes(self._fs, self._root) if self._keep_free_bytes else None
         if free is not None and free < self._keep_free_bytes + size_bytes:
             raise storage_full()
@@ -228,9 +234,9 @@ class BlobWriter:
     def finish(self, content_sha256: str | None = None) -> StoredBlob:
         """Complete the blob and give it its key; in a folder it survives a power cut from here on.
 
-        ``content_sha256`` is for who knows more of the content than ``ContentHash``.
+        ``content_sha256`` takes the place of what ``ContentHash`` computes, as for a zip.
         """
-        key = f"{self._kept}/{self._name}"
+        key = f"{self._section}/{self._name}"
         self._close()
         with full_is_told():
             complete(self._fs, self._part, f"{self._root}/{key}")
@@ -246,7 +252,7 @@ class BlobWriter:
                 with contextlib.suppress(OSError):  # what is still buffered finds no room now either
                     _drop(self._file)
         finally:
-            _remove(self._fs, self._part)
+            remove_file(self._fs, self._part)
 
     def _close(self) -> None:
         if self._closed:
@@ -265,17 +271,8 @@ def _drop(file: Any) -> None:
         file.close()
 
 
-def _remove(fs: Any, path: str) -> None:
-    try:
-        fs.rm_file(path)
-    except FileNotFoundError:
-        return
-
-
 def _changed_at(fs: Any, path: str) -> datetime:
     try:
-        moment = fs.modified(path)
+        return modified_at(fs, path)
     except FileNotFoundError:  # finished or discarded while we looked
         return datetime.now(UTC)
-    stamp: datetime = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return stamp

@@ -1,4 +1,4 @@
-"""What bytes are once they are unpacked, told by a hash while they stream by. Knows no file and no log.
+"""The hash of what bytes unpack to, computed while they stream by. Knows no file and no log.
 
 The same log, gzipped at another level or under another name, is the same content. How gzip is read is as
 ``fusion.formats.container`` reads a log: several members, at most two layers, what follows the last member ignored.
@@ -56,7 +56,7 @@ class ContentHash:
 
     def content_sha256(self) -> str:
         """Of what the bytes unpack to, hex."""
-        if self._members is None or self._inner is None or not self._members.whole:
+        if self._members is None or self._inner is None or not self._members.is_complete:
             return self.sha256()
         return self._inner.content_sha256()
 
@@ -73,7 +73,7 @@ class _Members:
         """How many of the bytes that came are not unpacked yet."""
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether there is a member, and none is cut short."""
         return self._count > 0 and self._member is None
 

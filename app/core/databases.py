@@ -1,4 +1,4 @@
-"""Whole databases: whether one is there, made and dropped, one migration at a time, told apart. Knows no table.
+"""Whole databases: reached, made, dropped, locked for migration, and identified. Knows no table.
 
 Making and dropping is for a server where we are superuser (the embedded cluster and the tests). Unlike the rest
 of the service these functions take a URL, since databases are not made inside a transaction; only

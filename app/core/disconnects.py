@@ -1,7 +1,7 @@
-"""A client that goes away ends what was begun for it: its place in a queue, its statement in the database.
+"""Clients that disconnect: their request ends, with its place in a queue and its statement in the database.
 
-Only what reads is ended so, and only what has no body: a change that has begun is brought to its end. Routes need not
-know of it: a session of ``Service.reading`` belongs to the request that it was opened for.
+Only requests that read and have no body end so: a change that has begun is completed. Routes need not know of it: a
+session of ``Service.reading`` belongs to the request that it was opened for.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 CLIENT_GONE = 499
-"""nginx's status; nobody reads it, and the metrics count it."""
+"""nginx's status. No client sees it; the metrics count it."""
 AGAIN_S = 0.2
-"""A request that is between two statements begins the next one: it is cancelled again after so long."""
+"""Seconds between two cancellations: a request that is between two statements begins the next one."""
 CANCEL_TIMEOUT_S = 5.0
-"""How long the server may take to hear of a cancelled statement."""
+"""How long cancelling a statement on the server may take."""
 
 
 class _Work:
@@ -71,17 +71,17 @@ def ending_with_client(session: Session) -> Iterator[None]:
     if work is None:
         yield
         return
-    mine: list[Connection[Any]] = []
+    connections: list[Connection[Any]] = []
 
     def begin(_session: object, _transaction: object, connection: Any) -> None:
-        mine.append(connection.connection.driver_connection)
-        work.begin(mine[-1])
+        connections.append(connection.connection.driver_connection)
+        work.begin(connections[-1])
 
     event.listen(session, "after_begin", begin)
     try:
         yield
     finally:
-        for connection in mine:
+        for connection in connections:
             work.end(connection)
         if work.gone:  # a cancellation that arrives late must hit nobody
             session.invalidate()
@@ -122,7 +122,7 @@ class EndWithClient:
         while (await receive())["type"] != "http.disconnect":
             pass
         answer.gone.set()
-        if answer.finished:  # the server says the same after its last byte
+        if answer.finished:  # the server sends the same message after the last byte of an answer
             return
         answer.work.gone = True
         answer.running.cancel()

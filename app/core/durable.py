@@ -1,4 +1,4 @@
-"""Files that survive a power cut once they have their name: one rule for all that is written beside and renamed."""
+"""Durable files: once a file has its name, it survives a power cut."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 _NOT_SYNCED = frozenset({errno.EACCES, errno.EINVAL, errno.ENOTSUP})
-"""What folders say that are not ours to read, or on shares that know no such thing."""
+"""Errors of folders that we may not read, and of shares that cannot sync."""
 
 
 def make_folder(folder: Path, mode: int = 0o777) -> None:
@@ -21,20 +21,20 @@ def make_folder(folder: Path, mode: int = 0o777) -> None:
 def rename_durably(part: Path, target: Path) -> None:
     """Give a complete file, or folder, of the same file system its name, at once.
 
-    Synced are the file before it has its name, then the folder that holds the name, and those that were made for it:
-    what is only in memory of a folder is gone after a power cut, with all that it names. Raises ``OSError``.
+    The file is synced before it has its name, then the folder that holds the name and those that were made for it: a
+    folder that is only in memory is gone after a power cut, with all that it names. Raises ``OSError``.
     """
     if part.is_file():
         sync(part)
     make_folder(target.parent)
     part.replace(target)
-    # The next one too: another process may have made this folder a moment ago, and not have come to sync that.
+    # The next one too: another process may have made this folder a moment ago and not synced it yet.
     for one in target.parents[:2]:
         _sync_folder(one)
 
 
 def sync_named(file: Path) -> None:
-    """The same for a file that was written where it stays: it, its folder, and the one in which that may be new."""
+    """Sync a file that was written in place, its folder, and the folder above, in which that may be new."""
     sync(file)
     for one in file.parents[:2]:
         _sync_folder(one)
@@ -49,7 +49,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def sync(path: Path) -> None:
-    """Have what the system keeps in memory of a file, or of a folder's names, written."""
+    """Write to the disk what the system holds in memory of a file, or of a folder's names."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,4 +1,4 @@
-"""What can be wrong with a request, and one table from every error to its HTTP status. Knows no request.
+"""Errors of requests, and one table from every error to its HTTP status. Knows no request.
 
 ServiceError            a request cannot be answered as asked
 ├── NotFoundError            what the address names does not exist (any more)
@@ -253,7 +253,7 @@ def all_kinds() -> dict[str, Kind]:
 
 
 def kind_of(error: Exception) -> Kind:
-    """The row of the nearest class of ``error`` that the table holds; the driver's error says more than its wrap."""
+    """The row of the nearest class of ``error`` in the table; of SQLAlchemy's errors that of the driver's error."""
     cause = error.orig if isinstance(error, DBAPIError) and isinstance(error.orig, psycopg.Error) else error
     if isinstance(cause, DiskFull):
         return KINDS[StorageFullError]

@@ -1,4 +1,4 @@
-"""File systems by URL: a folder, or with a driver a bucket; what room they have, and what a full one means.
+"""File systems by URL: a folder, or with a driver a bucket; their free room, and the error of a full one.
 
 Knows neither blobs nor rasters.
 """
@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import errno
 import shutil
+import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,8 @@ from app.core.errors import StorageFullError
 from app.core.settings import SettingsError
 
 _BUCKETS = frozenset({"s3", "s3a"})
+INCOMING = "incoming"
+"""Folder of a store in which files are written before they have their name."""
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
@@ -62,8 +66,32 @@ def complete(fs: Any, part: str, target: str) -> None:
     fs.mv(part, target)
 
 
+def put_file(fs: Any, root: str, source: Path, name: str) -> None:
+    """Copy a file of this machine to ``root/name``, where it appears complete or not at all."""
+    part = f"{root}/{INCOMING}/{uuid.uuid4().hex}"
+    make_folder(fs, f"{root}/{INCOMING}")
+    try:
+        fs.put_file(str(source), part)
+        complete(fs, part, f"{root}/{name}")
+    except BaseException:
+        remove_file(fs, part)
+        raise
+
+
+def remove_file(fs: Any, path: str) -> None:
+    """Remove a file; one that is not there is no error."""
+    with suppress(FileNotFoundError):
+        fs.rm_file(path)
+
+
+def modified_at(fs: Any, path: str) -> datetime:
+    """When a file was last written, UTC; ``FileNotFoundError`` where there is none."""
+    moment: datetime = fs.modified(path)
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
 def free_bytes(fs: Any, root: str) -> int | None:
-    """How much room there is; None where nothing tells, as of a bucket. The folder need not exist yet."""
+    """Free room, bytes; None where it is unknown, as of a bucket. The folder need not exist yet."""
     if not is_folder(fs):
         return None
     place = next(folder for folder in (Path(root), *Path(root).parents) if folder.is_dir())
@@ -78,7 +106,7 @@ def require_room(folder: Path, coming_bytes: int, keep_free_bytes: int) -> None:
 
 @contextmanager
 def full_is_told() -> Iterator[None]:
-    """Make the system's error of a full disk, or of a quota that is used up, a ``StorageFullError``."""
+    """Raise ``StorageFullError`` for the system's errors of a full disk or an exceeded quota."""
     try:
         yield
     except OSError as error:
@@ -88,7 +116,7 @@ def full_is_told() -> Iterator[None]:
 
 
 def storage_full() -> StorageFullError:
-    """What to say where there is no room."""
+    """The error where there is no room."""
     return StorageFullError(
         "The service's storage is full, so nothing of this upload was kept. Send it again later; whoever runs the "
         "service has to make room first (/readyz says how much there is)."

@@ -1,5 +1,6 @@
-"""What every route needs: the service's parts, links that work from outside, which answer is wanted, and how answers
-are described in the API's document. Knows no route.
+"""Helpers of all routes: the service's parts, links, content negotiation, ETags, and the words of the API's document.
+
+Knows no route.
 """
 
 from __future__ import annotations
@@ -21,10 +22,26 @@ from app.core.admission import RequestClass
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
 from app.core.disconnects import ending_with_client
-from app.core.errors import NotFoundError
+from app.core.errors import (
+    KINDS,
+    PROBLEM_PATH,
+    STATUS_KINDS,
+    BadQueryError,
+    BodyTooLargeError,
+    CrossOriginWriteError,
+    GoneError,
+    Kind,
+    NotAcceptableError,
+    NotDoneError,
+    NotFoundError,
+    NotReadyError,
+    StorageFullError,
+    UnsupportedBodyError,
+)
 from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
 from app.core.text import GEO_JSON, geojson_text
+from fusion.errors import BadOptionsError
 
 JSON = "application/json"
 EXAMPLE_ID = "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11"
@@ -43,16 +60,16 @@ class Service:
     blobs: BlobStore
     request_classes: Mapping[str, RequestClass]
     probes: Sessions
-    """On a connection of their own: a service that has much to do is ready."""
+    """Sessions on a connection of their own: a busy service still answers probes."""
     probe_threads: CapacityLimiter
     extents: dict[tuple[object, ...], Bounds | None] = field(default_factory=dict)
-    """The network's extent by road version: reading it takes a look at every segment."""
+    """The network's extent by road version, kept because reading it scans every segment."""
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
-        """A session for one short read; its connection goes back before the answer is sent.
+        """A session for one short read; its connection is returned before the answer is sent.
 
-        A client that leaves meanwhile ends what the session does.
+        If the client disconnects meanwhile, the session's statement is cancelled.
         """
         with self.sessions() as session, ending_with_client(session):
             yield session
@@ -88,7 +105,7 @@ def link(href: str, rel: str, type_: str | None = JSON, title: str | None = None
 
 
 def link_documents(links: list[Link]) -> list[dict[str, str]]:
-    """Links as plain dictionaries, without what is unknown."""
+    """Links as plain dictionaries, without unknown members."""
     return [item.model_dump(exclude_none=True) for item in links]
 
 
@@ -121,6 +138,13 @@ def etag_matches(request: Request, etag: str) -> bool:
     return is_named(etag, request.headers.get("if-none-match", ""))
 
 
+def not_modified(request: Request, headers: Mapping[str, str]) -> Response | None:
+    """A 304 with these headers where the client holds what their ETag names; None: answer in full."""
+    return (
+        Response(status_code=304, headers=dict(headers)) if etag_matches(request, headers["ETag"]) else None
+    )
+
+
 def unless_known(
     request: Request,
     content: bytes,
@@ -130,9 +154,9 @@ def unless_known(
     more: Mapping[str, str] = MappingProxyType({}),
 ) -> Response:
     """The content with these headers, an ETag among them, or 304 where the client has it; ``more``: of the content."""
-    if etag_matches(request, headers["ETag"]):
-        return Response(status_code=304, headers=dict(headers))
-    return Response(content, media_type=media_type, headers={**headers, **more})
+    return not_modified(request, headers) or Response(
+        content, media_type=media_type, headers={**headers, **more}
+    )
 
 
 def preferred(accept: str | None, offered: Sequence[str]) -> str | None:
@@ -192,40 +216,41 @@ def json_answer(description: str, example: Any) -> dict[str, Any]:
     return {"description": description, "content": content}
 
 
-def _problem(status: int, slug: str, title: str, detail: str, field: str | None = None) -> dict[str, Any]:
+def _described(kind: Kind, detail: str, field: str | None = None) -> dict[str, Any]:
     example = {
-        "type": f"/problems/{slug}",
-        "title": title,
-        "status": status,
+        "type": PROBLEM_PATH + kind.slug,
+        "title": kind.title,
+        "status": kind.status,
         "detail": detail,
         "instance": "/the/path",
         "errors": [{"field": field, "message": detail}] if field else [],
     }
     schema = {"$ref": "#/components/schemas/Problem"}
     return {
-        "description": title,
+        "description": kind.title,
         "content": {PROBLEM_JSON: {"schema": schema, "example": example}},
     }
 
 
 _PROBLEMS: dict[int, dict[str, Any]] = {
-    400: _problem(400, "bad-query", "Unusable query", "bbox: it needs 4 numbers.", "bbox"),
-    403: _problem(403, "cross-origin-write", "Change from another site", "Do it from this site."),
-    404: _problem(404, "not-found", "Not found", "There is no such thing. It may have been deleted."),
-    406: _problem(406, "not-acceptable", "Not acceptable", "Ask for application/json or image/png."),
-    409: _problem(409, "not-done", "Not done yet", "The export is being made: 40 % of it is done."),
-    410: _problem(
-        410, "gone", "Start anew", "since: this version is of another database. Read anew.", "since"
-    ),
-    413: _problem(413, "too-large", "Upload too large", "The upload is larger than 1073741824 bytes."),
-    415: _problem(415, "unsupported-body", "Unsupported body", "Send the log as it is or gzipped."),
-    416: _problem(416, "no-such-range", "No such range", "The file has 498112 bytes."),
-    422: _problem(422, "bad-options", "Unusable options", "particles: it must be at least 1.", "particles"),
-    503: _problem(503, "not-ready", "Not ready", "The database does not answer."),
-    507: _problem(507, "storage-full", "Storage full", "The service's storage is full. Send it again later."),
+    kind.status: _described(kind, *detail)
+    for kind, *detail in (
+        (KINDS[BadQueryError], "bbox: it needs 4 numbers.", "bbox"),
+        (KINDS[CrossOriginWriteError], "Do it from this site."),
+        (KINDS[NotFoundError], "There is no such thing. It may have been deleted."),
+        (KINDS[NotAcceptableError], "Ask for application/json or image/png."),
+        (KINDS[NotDoneError], "The export is being made: 40 % of it is done."),
+        (KINDS[GoneError], "since: this version is of another database. Read anew.", "since"),
+        (KINDS[BodyTooLargeError], "The upload is larger than 1073741824 bytes."),
+        (KINDS[UnsupportedBodyError], "Send the log as it is or gzipped."),
+        (STATUS_KINDS[416], "The file has 498112 bytes."),
+        (KINDS[BadOptionsError], "particles: it must be at least 1.", "particles"),
+        (KINDS[NotReadyError], "The database does not answer."),
+        (KINDS[StorageFullError], "The service's storage is full. Send it again later."),
+    )
 }
 
 UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {
-    400: _problem(400, "unreadable-body", "Unreadable body", "The body cannot be read. Send JSON in UTF-8.")
+    400: _described(STATUS_KINDS[400], "The body cannot be read. Send JSON in UTF-8.")
 }
 """The description of the 400 of routes that take a JSON body."""

@@ -1,9 +1,8 @@
-"""What happens to every request before and after its route, in the order in which ``app.main`` wraps them.
+"""Middleware around every route, in the order in which ``app.main`` wraps it.
 
-Starlette's own where it has one: CORS and compression (put together in ``app.main``).
-It has none for HEAD, for changes from other sites or for early answers. Its ``TrustedHostMiddleware`` is not used: it
-answers in plain text, knows neither the address that a request came to nor paths that are for everybody. Knows no
-subject beyond a few paths.
+CORS and compression are Starlette's own. It has no middleware for HEAD, for changes from other sites and for early
+answers. Its ``TrustedHostMiddleware`` answers in plain text and knows neither the address that a request came to nor
+paths that are open to everybody, so it is not used. Knows no subject beyond a few paths.
 """
 
 from __future__ import annotations
@@ -33,12 +32,15 @@ LINGER_S = 2.0
 """How much, and how long, of a body is still read after an answer that did not wait for it."""
 
 COLLECTING_THRESHOLDS = (700, 10, 1_000_000)
-"""Objects more after which Python looks for cycles among the youngest, times after which among older ones, and among
-all: the first takes some milliseconds, the last never happens by itself (``CollectAfterRequests``)."""
+"""Garbage collection of an API process. Python's collector runs by how many objects are made. In an API it therefore
+looks every few seconds through half a million objects that stay for good, and through all open event streams. That
+takes a quarter of a second in which nothing is answered (``benchmarks/load.py``). So what exists at the start is frozen
+(``stay_loaded``), only young objects are collected by their number, some milliseconds each time, and a full collection
+runs after so many requests as may have left some 20 MB of cycles (``CollectAfterRequests``)."""
 COLLECT_AFTER = 20_000
-"""Requests: some 20 MB."""
+"""Requests. Each leaves some ten objects."""
 LASTING_S, LASTING_WEIGHT = 1.0, 20
-"""From so long on a request has outlived the looks at what is young, and counts as so many."""
+"""A request that lasts longer (an event stream) outlives the young generations, leaves some 30 kB and counts as 20."""
 
 UPLOAD_PATHS = frozenset({"/v1/drives", "/v1/operations"})
 CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
@@ -62,19 +64,18 @@ PUBLISHED = (
     "/v1/elevation",
     "/v1/segments",
 )
-"""What pages of the origins in VERSANT_CORS_ORIGINS may read: the map. Drives are somebody's movements and stay out of
-their reach."""
+"""What pages of the origins in VERSANT_CORS_ORIGINS may read: the map, and no drives."""
 
 
 TURN_S = 0.0005
-"""A thread that computes hands Python's lock to the event loop after so long (by default 5 ms), and it does so each
-time that the loop comes back from the network: several times in one request."""
+"""Seconds after which a thread that computes hands Python's lock to the event loop (by default 5 ms). The loop waits
+for the lock each time it returns from the network, several times in one request."""
 
 
 def stay_loaded() -> None:
-    """Call it when everything is imported and made: that is looked through for dead cycles no more.
+    """Freeze all objects that exist now, and let the event loop wait for no thread longer than ``TURN_S``.
 
-    And the event loop waits for no thread's turn any more that is longer than ``TURN_S``.
+    Call it when everything is imported and made.
     """
     sys.setswitchinterval(TURN_S)
     gc.collect()
@@ -83,12 +84,7 @@ def stay_loaded() -> None:
 
 
 class CollectAfterRequests:
-    """Has cycles of objects that nobody refers to collected when requests have ended that may have left some.
-
-    Python's collector goes by how much is made. In an API it so looks every few seconds through half a million objects
-    that stay for good, and through all that belongs to open event streams; nothing is answered meanwhile, for a quarter
-    of a second. A request leaves some ten objects, one that lasted (an event stream) a hundred and more (30 kB).
-    """
+    """Runs a full garbage collection after every ``COLLECT_AFTER`` requests (see ``COLLECTING_THRESHOLDS``)."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -107,7 +103,7 @@ class CollectAfterRequests:
 
 
 class Compressed(GZipMiddleware):
-    """Compresses answers, but for files that are fetched in parts: of their own bytes speak ranges and digests."""
+    """Compresses answers, except files that are fetched in parts: ranges and digests refer to their own bytes."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Compress the answer where that is wanted."""
@@ -145,7 +141,7 @@ class EarlyAnswers:
     """Lets a client read an answer that is given before its body was read to the end.
 
     Closing at once would make the system reset the connection, and a client that is still sending may then
-    lose the answer (a 413, say). So a bounded part of what it still sends is read and dropped first.
+    lose the answer, such as a 413. So a bounded part of what it still sends is read and dropped first.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -179,7 +175,7 @@ class EarlyAnswers:
 
 
 def _announces_body(headers: Headers) -> bool:
-    # A client that expects to be told to send sends nothing unless told to, and reading would tell it to.
+    # A client that sends "Expect: 100-continue" waits for permission, and reading would give it.
     return "expect" not in headers and has_body(headers)
 
 
@@ -199,10 +195,10 @@ async def _drop(receive: Receive) -> None:
 class KnownHosts:
     """Refuses requests under a name that is not the service's.
 
-    Browsers let a page read what comes from the host that it came from itself. A page whose host's name is made to lead
-    to this machine after it was loaded (DNS rebinding) could so read and delete drives of a service that listens on
-    loopback alone; but its requests name that host. Known are loopback, the address that the connection came to, and
-    what the settings name.
+    A browser lets a page read from the host that it came from. After loading, that host's name can be made to lead to
+    this machine (DNS rebinding): the page could then read and delete drives of a service that listens on loopback
+    alone. But its requests still name that host. Known are loopback, the address that the connection came to, and what
+    the settings name.
     """
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
@@ -214,12 +210,12 @@ class KnownHosts:
         """Answer 421 to such a request, pass on any other."""
         if scope["type"] == "http" and scope["path"] not in FOR_PROBES:
             for host in Headers(scope=scope).getlist("host"):
-                if not self._known(host, scope):
+                if not self._is_known(host, scope):
                     await _unknown_host(host, scope)(scope, receive, send)
                     return
         await self.app(scope, receive, send)
 
-    def _known(self, host: str, scope: Scope) -> bool:
+    def _is_known(self, host: str, scope: Scope) -> bool:
         parts = _HOST.fullmatch(host)
         if parts is None:
             return ANY_HOST in self.names
@@ -243,9 +239,9 @@ def _unknown_host(host: str, scope: Scope) -> Response:
 
 
 class PublishedCors:
-    """CORS for reading what is published, by pages of the origins that the settings name; without any, left out.
+    """CORS for pages of the origins that the settings name: they may read what is published.
 
-    Around everything that answers, also tiles, errors and what is turned away.
+    It surrounds everything that answers, also tiles and errors. Without such origins it is left out.
     """
 
     def __init__(self, app: ASGIApp, origins: Sequence[str]) -> None:
@@ -262,7 +258,7 @@ class PublishedCors:
         """Through the CORS middleware where the path is published, past it elsewhere."""
         path = scope.get("path", "")
         published = path == "/" or path.startswith(PUBLISHED)
-        # A segment's observations name drives.
+        # Observations of a segment name drives.
         app = self.cors if published and not path.endswith("/observations") else self.app
         await app(scope, receive, send)
 
@@ -270,8 +266,8 @@ class PublishedCors:
 class SameOriginWrites:
     """Refuses changes that a page of another site asks a visitor's browser for.
 
-    There is no access control yet, so the only thing that keeps a web page from uploading to a service on the
-    visitor's own machine is that browsers state the page's origin. Programs that are no browsers send none.
+    There is no access control yet. Only the origin that browsers state keeps a web page from uploading to a service on
+    the visitor's own machine. Programs that are no browsers send none.
     """
 
     def __init__(self, app: ASGIApp, public_url: str | None) -> None:

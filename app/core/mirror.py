@@ -1,7 +1,7 @@
-"""Files that never change, kept elsewhere (a bucket) and read through copies on this machine. Knows no raster.
+"""Files that never change, stored elsewhere (a bucket) and read through copies on this machine. Knows no raster.
 
-A file's folder is named after its content, so that a copy which is there is right. It is fetched once per machine,
-however many processes ask for it at the same time, and is there complete or not at all.
+A file's folder is named after its content, so an existing copy is right. It is fetched once per machine, however many
+processes ask for it at once, and appears complete or not at all.
 """
 
 from __future__ import annotations
@@ -16,10 +16,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path, PurePosixPath
 
 from app.core.durable import rename_durably, sync_named
-from app.core.filesystems import complete, file_system, is_folder, make_folder
+from app.core.filesystems import INCOMING, file_system, is_folder, modified_at, put_file
 from app.core.settings.places import FilePlace, RemoteFolder
-
-_INCOMING = "incoming"
 
 
 class MirrorError(Exception):
@@ -42,11 +40,8 @@ def send(place: FilePlace, names: Sequence[str]) -> None:
         return
     fs, root = file_system(place.url)
     for name in names:
-        part = f"{root}/{_INCOMING}/{uuid.uuid4().hex}"
         try:
-            make_folder(fs, f"{root}/{_INCOMING}")
-            fs.put_file(str(place.copies / name), part)
-            complete(fs, part, f"{root}/{name}")
+            put_file(fs, root, place.copies / name, name)
         except Exception as error:  # any storage fsspec knows, each with errors of its own
             raise MirrorError(f"{name} cannot be stored in {place.url}: {_reason(error)}.") from error
 
@@ -63,8 +58,9 @@ def fetch(place: FilePlace, name: str, sha256: str) -> Path:
 
 
 def problem(place: FilePlace, name: str, sha256: str) -> str:
-    """What is wrong with a file that is kept, empty where nothing is. Of one that is kept elsewhere it is only asked
-    whether it is there: nothing is fetched.
+    """What is wrong with a stored file; empty if nothing is.
+
+    A file that is stored elsewhere is not fetched: only its existence is checked.
     """
     if not isinstance(place, Path):
         fs, root = file_system(place.url)
@@ -82,7 +78,7 @@ def remove_older(place: FilePlace, group: str, than: timedelta) -> bool:
     except FileNotFoundError:
         return False
     limit = datetime.now(UTC) - than
-    if any(_utc(fs.modified(path)) >= limit for path in paths):
+    if any(modified_at(fs, path) >= limit for path in paths):
         return False
     for path in paths:
         fs.rm_file(path)
@@ -94,7 +90,7 @@ def remove_older(place: FilePlace, group: str, than: timedelta) -> bool:
 
 
 def forget(place: FilePlace, name: str) -> None:
-    """Let a file and its folder go, here and where it is kept; what is not there, or cannot go, is left."""
+    """Remove a file and its folder, here and where it is stored; missing files and failures are ignored."""
     group = PurePosixPath(name).parent
     shutil.rmtree(local_folder(place) / group, ignore_errors=True)
     if isinstance(place, RemoteFolder):
@@ -105,11 +101,11 @@ def forget(place: FilePlace, name: str) -> None:
 
 def _fetch(place: RemoteFolder, group: str, filename: str, sha256: str) -> None:
     fs, root = file_system(place.url)
-    incoming = place.copies / _INCOMING / uuid.uuid4().hex
+    incoming = place.copies / INCOMING / uuid.uuid4().hex
     incoming.mkdir(parents=True)
     try:
         paths = [str(path) for path in fs.ls(f"{root}/{group}", detail=False)]
-        # The wanted file comes last: where it is, what belongs to it is as well.
+        # The named file comes last: where it exists, the files that belong to it do as well.
         paths.sort(key=lambda path: PurePosixPath(path).name == filename)
         for path in paths:
             fs.get_file(path, str(incoming / PurePosixPath(path).name))
@@ -146,7 +142,3 @@ def _reason(error: Exception) -> str:
 def _sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _utc(moment: datetime) -> datetime:
-    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)

@@ -20,8 +20,6 @@ from app.core.errors import BadQueryError, BadRequestError
 THIN_DEG = 1e-9
 """0.1 mm, a hundredth of the resolution of coordinates."""
 
-_MOMENT = r"\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2}))?"
-_DATETIME = re.compile(rf"({_MOMENT})|(({_MOMENT}|\.\.)?/({_MOMENT}|\.\.)?)", re.ASCII)
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _PLACE = struct.Struct(">q16s")  # microseconds since the epoch, a number of up to 128 bits
@@ -97,30 +95,6 @@ def box_of(west: float, south: float, east: float, north: float) -> Bounds:
     west, east = _with_width(west, east, 180)
     south, north = _with_width(south, north, 90)
     return west, south, east, north
-
-
-def check_datetime(text: str | None) -> None:
-    """``BadQueryError`` unless it is a date, a time or an interval of RFC 3339; what it says is not used.
-
-    Segments have no time of their own, and the standard lets ``datetime`` match such features always.
-    """
-    if text is not None and not _is_time(text):
-        raise BadQueryError(
-            f"datetime: {text!r} is no time. Write 2026-11-20T00:00:00Z or an interval: 2026-11-20/..",
-            field="datetime",
-        )
-
-
-def _is_time(text: str) -> bool:
-    if not _DATETIME.fullmatch(text) or text in {"/", "../.."}:
-        return False
-    try:
-        for end in text.upper().split("/"):
-            if end not in {"", ".."}:
-                datetime.fromisoformat(end)
-    except ValueError:  # there is no such day or hour
-        return False
-    return True
 
 
 def _with_width(low: float, high: float, most: float) -> tuple[float, float]:

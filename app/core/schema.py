@@ -1,4 +1,4 @@
-"""What the schema of a database is at: the project's revision, which programs it still serves, and the queue's own.
+"""The state of a database's schema: the project's revision, the programs it still serves, and the queue's schema.
 
 The queue (procrastinate) ships its schema as one script and the way to it as a file for each change. The first
 migration takes the script; from then on ``bring_queue_up`` applies the files that are missing and notes each, so that

@@ -1,4 +1,4 @@
-"""How every answer and every file is written: digits, times, compact JSON; whole or not at all. Knows no document."""
+"""The form of every answer and file: digits, times, compact JSON, files that appear complete or not at all."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from app.cli.console import Bars
 from app.cli.fuse_files import Fusion
 from app.demo.score import Estimate, SegmentKey
 from fusion.pipeline import parse_options
-from fusion.simulate.bundle import Bundle
+from fusion.simulate.demonstration import Demonstration
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 
@@ -23,7 +23,7 @@ def feature_key(feature: Mapping[str, Any]) -> SegmentKey:
 
 
 def baselines(
-    bundle: Bundle, features: Sequence[Mapping[str, Any]], bars: Bars
+    bundle: Demonstration, features: Sequence[Mapping[str, Any]], bars: Bars
 ) -> dict[str, dict[SegmentKey, Estimate]]:
     """A line through the raw altitudes, the DEM's heights at a segment's ends, and ``straight_lines``."""
     terrain = {
@@ -55,7 +55,7 @@ def straight_lines(town: Town) -> dict[SegmentKey, Estimate]:
     return lines
 
 
-def _raw(bundle: Bundle, bars: Bars) -> dict[SegmentKey, Estimate]:
+def _raw(bundle: Demonstration, bars: Bars) -> dict[SegmentKey, Estimate]:
     with Dem.open([bundle.dem]) as dem:
         raw = Fusion("raw", parse_options("raw"), bundle.town.roads, dem)
         show = bars.work("baseline raw")

@@ -24,7 +24,7 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
 from fusion.errors import FusionError
-from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.demonstration import Demonstration, write_all
 from fusion.simulate.write.truth_file import LEAST_DRIVEN_M
 
 DRIVES, SEED, DURATION_S = 6, 1, 600.0
@@ -43,7 +43,7 @@ class DemoError(FusionError):
 class DemoResult:
     """What the service answered, beside the truth and the baselines."""
 
-    bundle: Bundle
+    bundle: Demonstration
     drives: list[RemoteDrive]
     features: list[dict[str, Any]]
     truth: dict[SegmentKey, Truth]
@@ -126,7 +126,7 @@ def run_demo(
     return DemoResult(bundle, done, features, driven_truth(bundle), beside, profile, seconds)
 
 
-def driven_truth(bundle: Bundle) -> dict[SegmentKey, Truth]:
+def driven_truth(bundle: Demonstration) -> dict[SegmentKey, Truth]:
     """The true slopes of the segments that some drive covered over at least 10 m."""
     town = bundle.town
     roads = town.roads
@@ -142,14 +142,14 @@ def driven_truth(bundle: Bundle) -> dict[SegmentKey, Truth]:
     }
 
 
-def _drive_to_show(bundle: Bundle) -> int:
+def _drive_to_show(bundle: Demonstration) -> int:
     """Number of the drive through most of the tunnels and bridges: there its profile shows most."""
     roads = bundle.town.roads
     driven = [np.unique([p.segment for p in drive.passes()]) for drive in bundle.simulated]
     return int(np.argmax([roads.tunnel[k].sum() * len(roads) + roads.bridge[k].sum() for k in driven]))
 
 
-def _import(settings: Settings, bundle: Bundle, bars: Bars) -> None:
+def _import(settings: Settings, bundle: Demonstration, bars: Bars) -> None:
     assert settings.database_url is not None  # noqa: S101 - demo_service sees to it
     engine = make_engine(settings.database_url, pool_size=1)
     try:

@@ -1,6 +1,6 @@
 """The methods with their options as JSON Schema, and the ways to positions with theirs: what a form is made of.
 
-The methods are loaded when somebody first asks (with their compilers they take much of a process's memory), and told
+The methods are loaded at the first request (with their compilers they take much of a process's memory), and answered
 from memory from then on.
 """
 
@@ -20,7 +20,7 @@ from fusion.registry import DEFAULT_POSITIONING, LOG_COLUMNS
 
 KEPT = "max-age=300"
 _OWN_WAY = frozenset({"gnss", "gnss_options", "columns"})
-"""Options of every method that are told, and chosen, by themselves."""
+"""Options that every method has: they are described, and chosen, by themselves."""
 _SCHEMA_EXAMPLE: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,

@@ -20,7 +20,7 @@ from app.drives.documents import Drive
 from app.drives.store import changed, get_drive, json_text
 
 PUBLISHING_PROGRESS = 0.97
-"""Of a drive that waits for its squares to be solved."""
+"""Of a drive that waits for its cells to be solved."""
 
 # A running drive may be claimed as well: its worker may have died and its job have come back. Not one that has said
 # all: it only waits to be published.
@@ -143,8 +143,13 @@ def mark_publishing(
     distance_m: float | None,
     drive_time: datetime | None,
 ) -> None:
-    """Note of a drive whose row is locked what its run says; it is done once its squares are solved."""
+    """Note of a drive whose row is locked what its run says; it is done once its cells are solved."""
     west, south, east, north = bounds
     box = {"west": west, "south": south, "east": east, "north": north}
-    said = {"report": json_text(report), "epochs": epochs, "distance_m": distance_m, "drive_time": drive_time}
-    session.execute(_SET_PUBLISHING, {"id": drive_id, "progress": PUBLISHING_PROGRESS, **box, **said})
+    results = {
+        "report": json_text(report),
+        "epochs": epochs,
+        "distance_m": distance_m,
+        "drive_time": drive_time,
+    }
+    session.execute(_SET_PUBLISHING, {"id": drive_id, "progress": PUBLISHING_PROGRESS, **box, **results})

@@ -1,7 +1,7 @@
 """How drives end in the database: done once they are published, gone once nothing of them is left on the map.
 
-Both wait for marks (``app.network.marks``). A square that no solver can solve keeps no drive from being done: the rest
-of it is published, and its document names the square for as long as that is so (``app.drives.store``). It does keep a
+Both wait for marks (``app.network.marks``). A cell that no solver can solve keeps no drive from being done: the rest
+of it is published, and its document names the cell for as long as that is so (``app.drives.store``). It does keep a
 removed drive, whose row is what tells that something of it is still shown. Callers own the transaction
 (``app.drives.publishing``).
 """
@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 from app.core.db import Bounds
 from app.network.marks import GIVEN_UP
 
-# What no mark waits for any more, but in squares that solvers began with too often in vain; another worker may be about
+# What no mark waits for any more, but in cells that solvers have given up; another worker may be about
 # to say so, too.
 _PUBLISHED = text(
     """
@@ -57,7 +57,7 @@ _REMOVED = text(
 
 
 class Published(NamedTuple):
-    """A drive whose squares are all solved, or given up for now."""
+    """A drive whose cells are all solved, or given up for now."""
 
     id: uuid.UUID
     report: dict[str, Any]
@@ -68,7 +68,7 @@ class Published(NamedTuple):
 
 
 def published_drives(session: Session) -> list[Published]:
-    """The drives that wait for no square any more. Their rows are held."""
+    """The drives that wait for no cell any more. Their rows are held."""
     return [Published(*row) for row in session.execute(_PUBLISHED, {"given_up": GIVEN_UP})]
 
 
@@ -84,7 +84,7 @@ def lock_cancelled(session: Session, drive_id: uuid.UUID, generation: int) -> bo
 
 
 def mark_removing(session: Session, drive_id: uuid.UUID) -> str:
-    """All that the drive said is taken back; its row goes once its squares are solved without it. The key of its blob,
+    """All that the drive said is taken back; its row goes once its cells are solved without it. The key of its blob,
     which nobody needs any more."""
     blob_key: str = session.execute(_SET_REMOVING, {"id": drive_id}).scalar_one()
     return blob_key

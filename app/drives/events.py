@@ -10,7 +10,7 @@ from fastapi import APIRouter, Depends, Request
 from fastapi.responses import StreamingResponse
 
 from app.core.http import EXAMPLE_ID, BaseUrl, found, problems
-from app.core.sse import EventStream, event, events_of, stream_answer
+from app.core.receiving.sse import EventStream, event, events_of, stream_answer
 from app.core.text import dumps
 from app.drives.documents import ENDED
 from app.drives.feed import Feed, News

@@ -1,4 +1,4 @@
-"""Why a run has no result, in words for whoever uploaded the log. Knows no database."""
+"""Why a run has no result, in words for the person who uploaded the log. Knows no database."""
 
 from __future__ import annotations
 

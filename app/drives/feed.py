@@ -19,8 +19,8 @@ from anyio import CapacityLimiter, to_thread
 from sqlalchemy.exc import SQLAlchemyError
 
 from app.core.receiving.clients import Shares
+from app.core.receiving.sse import Follower, Followers
 from app.core.settings.places import libpq_url
-from app.core.sse import Follower, Followers
 from app.drives.documents import Drive, linked
 
 CHANNEL = "versant_drives"
@@ -88,7 +88,7 @@ class Feed:
         self._wake.set()
 
     async def _listen(self) -> None:
-        heard = True
+        listening = True
         while True:
             try:
                 async with await psycopg.AsyncConnection.connect(
@@ -98,14 +98,16 @@ class Feed:
                     application_name="versant events",
                 ) as connection:
                     await connection.execute(f"LISTEN {CHANNEL}")
-                    heard = True
+                    listening = True
                     self._look_at(self._followers.topics)  # what was announced meanwhile is lost
                     async for note in connection.notifies():
                         self._announced(note.payload)
             except psycopg.Error as error:
-                if heard:  # once, however long it lasts
-                    log.warning("changes of drives are not heard for now: %s", error)
-                heard = False
+                if listening:  # once, however long it lasts
+                    log.warning(
+                        "the connection that listens for changes of drives is lost for now: %s", error
+                    )
+                listening = False
             await asyncio.sleep(AGAIN_S)
 
     def _announced(self, payload: str) -> None:
@@ -146,9 +148,9 @@ class Feed:
             return False
         news = {drive_id: News(states.get(drive_id)) for drive_id in followed}
         for number, follower in enumerate(waiting, start=1):
-            found = news[follower.topic]
-            if follower.last is None or follower.last.drive != found.drive:
-                follower.tell(found)
+            drive_news = news[follower.topic]
+            if follower.last is None or follower.last.drive != drive_news.drive:
+                follower.tell(drive_news)
             if number % TOLD_AT_ONCE == 0:
                 await asyncio.sleep(TELL_PAUSE_S)
         return True

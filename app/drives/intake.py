@@ -1,6 +1,6 @@
-"""Drives that come, come again or go: row and job in one transaction, and the blob beside them.
+"""Uploads, reruns and removals of drives: row and job in one transaction, and the blob beside them.
 
-Uploads, reruns, removals, and the sweep of blobs that lost their drive. Knows no HTTP; its SQL is the store's.
+Also the sweep of blobs that lost their drive. Knows no HTTP; its SQL is the store's.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from app.drives.documents import Drive
 from app.drives.method_choice import check_options, with_columns_kept, with_positioning
 
 SHOWN_ORPHANS = 20
-"""So many of the blobs that a sweep would remove are named in the log."""
+"""Number of blobs that the log names, of those that a sweep would remove."""
 
 LOST_COMMIT_WAIT_S = 5.0
-"""So long is waited for a commit that was not answered: the database may hold on to a connection that broke."""
+"""Wait for a commit that was not answered: the database may still hold the broken connection."""
 
 logger = logging.getLogger(__name__)
 
@@ -45,9 +45,9 @@ def register_upload(
 ) -> tuple[Drive, bool]:
     """Make a stored blob a queued drive; row and job in one transaction. The flag says whether the drive is new.
 
-    Where its content is known already it is that drive, which keeps its own blob unless that is lost. The blob
-    becomes the drive's, or is deleted; it stays where nobody can tell whether it became a drive's, as when this
-    process dies: ``sweep_blobs`` later removes what nobody refers to.
+    Known content gives the drive that has it, which keeps its own blob unless that is lost. The new blob becomes the
+    drive's or is deleted. It stays where nobody can tell whether it became a drive's, as when this process dies:
+    ``sweep_blobs`` later removes blobs without a drive.
     """
     request = {"filename": filename, "method": method, "options": options or {}}
     try:
@@ -109,7 +109,7 @@ def _add_again(
     request: Mapping[str, Any],
     lost: _CommitLostError,
 ) -> tuple[Drive, bool]:
-    """The same once more, over another connection: it waits for a commit that is under way and finds what that left."""
+    """``_add`` over another connection: it waits for a commit that is under way and finds what that left."""
     logger.warning("an upload's commit was not answered, and is asked for again: %s", lost.__cause__)
     try:
         drive, created = _add(sessions, blobs, blob, request, LOST_COMMIT_WAIT_S)
@@ -123,7 +123,7 @@ def _create_or_heal(
 ) -> tuple[Drive, bool]:
     """A new drive and its job, or the drive of the same content; one whose blob is lost gets this one.
 
-    What failed is computed again then: most likely it failed for want of its blob.
+    A failed drive is then computed again: most likely it failed because its blob was lost.
     """
     stored: dict[str, Any] = {"sha256": blob.sha256, "size_bytes": blob.size_bytes, "blob_key": blob.key}
     while True:
@@ -174,9 +174,9 @@ def reprocess(
 def remove_drive(sessions: Sessions, drive_id: uuid.UUID, origin: str | None = None) -> bool:
     """Cancel a drive whatever its status, and queue its removal; False when there is none, or it was cancelled before.
 
-    Nobody is shown anything of it from here on, and a worker that computes it, or a trial of it, discards the result.
-    Its influence, its bytes and its row go soon (``app.drives.publishing``). ``origin``: who asked over HTTP, for the
-    audit log.
+    From now on nothing of it is shown, and a worker that computes it, or a trial of it, discards the result. Its
+    influence, its bytes and its row are removed soon (``app.drives.publishing``). ``origin``: who asked over HTTP, for
+    the audit log.
     """
     with sessions.begin() as session:
         generation = drives.request_removal(session, drive_id)
@@ -194,9 +194,9 @@ def sweep_blobs(
 ) -> Sweep:
     """Remove parts of uploads that broke off, and blobs older than ``older_than`` that no drive refers to.
 
-    Where another database has used the store (it may share it, or this one may be its restored backup), what has no
-    drive here may be a drive there: nothing is removed then but parts, and the log says what would be. ``confirmed``
-    says that this database is the only one; the others are forgotten.
+    Another database may share the store, or this one may be its restored backup: a blob without a drive here may have
+    one there. Then only parts are removed, and the log says what else would be. ``confirmed`` says that this database
+    is the only one; the others are forgotten.
     """
     parts = blobs.sweep()
     with sessions() as session:
@@ -225,7 +225,7 @@ def sweep_blobs(
 
 @dataclass(frozen=True)
 class Sweep:
-    """What a sweep found: parts of uploads, removed; old blobs without a drive, removed unless there are strangers."""
+    """Result of a sweep: parts of uploads, removed; old blobs without a drive, removed unless there are strangers."""
 
     parts: int
     orphans: tuple[str, ...]

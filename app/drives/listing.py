@@ -27,7 +27,7 @@ from app.core.query import cursor_of, parse_cursor
 from app.drives.documents import DrivePlace, DriveStatus
 
 NAME_LENGTH = 100
-"""Of a file's name so many letters decide its place: longer keys would not fit into an index."""
+"""Letters of a file's name that decide its place: longer keys would not fit into an index."""
 _CURSOR_LENGTH = 1000
 
 
@@ -103,12 +103,12 @@ _KEYS: dict[Sort, _Key] = {
 
 
 def key_of(order: Order) -> str:
-    """The SQL of what a place remembers of a drive beside its time and id."""
+    """The SQL of the key that a place holds beside a drive's time and id."""
     return _KEYS[order.sort].expression if order.sort in _KEYS else "NULL"
 
 
 def stretches(order: Order, place: DrivePlace | None, *, backwards: bool) -> Iterator[Stretch]:
-    """What is read one after the other until the page is full: behind ``place``, or before it if ``backwards``."""
+    """The queries that fill a page, one after the other: behind ``place``, or before it if ``backwards``."""
     descending = order.descending is not backwards
     sign, way = ("<", "DESC") if descending else (">", "ASC")
     key = _KEYS.get(order.sort)
@@ -176,8 +176,8 @@ def _read_cursor(sort: Sort, cursor_text: str) -> DrivePlace:
     return DrivePlace(_moment(created_at), uuid.UUID(drive_id), value)
 
 
-# The words are made by the function that the index is made by. They are asked for first: only what it is told as a
-# constant lets the server see whether few or many drives have such a name.
+# The words are made by the function that the index uses. They are read first: only from a constant can the planner
+# estimate whether few or many drives have such a name.
 _WORDS = text(
     "SELECT string_agg(quote_literal(word) || ':*', ' & ') FROM unnest(tsvector_to_array(file_words(:q))) AS word"
 )

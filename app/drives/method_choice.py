@@ -57,7 +57,7 @@ ColumnsQuery = Annotated[
 
 
 def default_method(settings: Settings) -> str:
-    """The estimator of who names none: that of the settings, else the library's."""
+    """The default estimator: that of the settings, else the library's."""
     return settings.default_method or DEFAULT_METHOD
 
 
@@ -113,17 +113,11 @@ def with_positioning(options: Mapping[str, Any], positioning: Mapping[str, Any])
     return combined | dict(positioning)
 
 
-def checked_options(method: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """``options`` as asked for; ``UnknownNameError`` or ``BadOptionsError`` if they cannot be used."""
-    check_options(method, options)
-    return dict(options)
-
-
 def check_options(method: str, options: Mapping[str, Any]) -> None:
     """Raise ``UnknownNameError`` or ``BadOptionsError`` for what cannot be used.
 
-    Every method can be used as it is. So only who names options of it loads the methods: with their compilers they take
-    nearly half of the memory that a process of the API then has.
+    Methods are loaded only if options are named: with their compilers they take nearly half of the memory of an API
+    process.
     """
     if method not in METHOD_NAMES:
         raise unknown_name("method", method, METHOD_NAMES)

@@ -25,7 +25,7 @@ from app.exports import store as exports
 from app.map.derived import following
 from app.map.tiles.store import drop_tiles
 from app.network import results as slopes
-from app.network.marks import MarkedBy, any_due, any_hope, count_cells, make_due
+from app.network.marks import MarkedBy, any_due, any_solvable, count_cells, make_due
 from app.network.rejections import Rejections, rejections_of
 from app.network.settle import settle_due
 from app.network.swap import BusyError, solve_marked
@@ -99,7 +99,7 @@ def settle_quietly(sessions: Sessions) -> bool:
     What no solver can solve keeps the rest from being settled no longer than it takes to find that out.
     """
     with sessions() as session:
-        if queue.drives_wait(session, behind=True) or any_hope(session):
+        if queue.drives_wait(session, behind=True) or any_solvable(session):
             return False
     return settle_due(sessions, SETTLE_AFTER_S)
 
@@ -150,7 +150,7 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
 def _clear_up(session: Session, boxes: Sequence[Bounds]) -> list[str]:
     """Take away what tells of removed drives that were in these boxes and does not go with their rows; the files that
     nobody refers to any more."""
-    retired.drop_empty(session)
+    retired.delete_empty(session)
     fold_counts(session, most_rows=0)
     if not boxes:
         return []

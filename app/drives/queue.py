@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from app.jobs.task import QUEUE, Kind, add_job
 
 AHEAD = 10
-"""Priority of what is short and lets others wait: solving squares, taking back what a removed drive said."""
+"""Priority of what is short and lets others wait: solving cells, taking back what a removed drive said."""
 BEHIND = -100
 """Priority of drives that are processed again by the thousand: uploads go first."""
 

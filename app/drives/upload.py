@@ -29,7 +29,7 @@ from app.drives.method_choice import (
     asked_columns,
     asked_options,
     asked_positioning,
-    checked_options,
+    check_options,
     default_method,
     with_positioning,
 )
@@ -118,8 +118,8 @@ async def upload_drive(
         asked_options(options, option) or {}, asked_positioning(gnss, gnss_option)
     )
     wanted_options |= asked_columns(columns)
-    checked = checked_options(estimator, wanted_options)
-    look = FirstLook(checked.get("columns"))
+    check_options(estimator, wanted_options)
+    look = FirstLook(wanted_options.get("columns"))
     blob, name = await receive_upload(request, service.blobs, settings, look)
     drive, created = await run_in_threadpool(
         intake.register_upload,
@@ -128,7 +128,7 @@ async def upload_drive(
         blob,
         filename=name,
         method=estimator,
-        options=checked,
+        options=wanted_options,
     )
     response.status_code = 202 if created else 200
     response.headers["Location"] = drive_address(base, drive)

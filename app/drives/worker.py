@@ -5,12 +5,13 @@ How a drive is computed is ``process``'s to know; how jobs are taken, cut off an
 
 from __future__ import annotations
 
-import functools
 import logging
 import threading
 import uuid
+from collections.abc import Callable
 from contextlib import closing
 from datetime import timedelta
+from functools import partial
 from typing import Any
 
 from app.changes import pages as changes
@@ -48,13 +49,13 @@ SWEEP_EVERY_S = 3600.0
 """How often the blob store is cleared of what nobody refers to, seconds."""
 
 PUBLISH_LOOK_EVERY_S = 1.0
-"""How often a worker looks whether squares are due that nobody was asked to solve, seconds."""
+"""How often a worker looks whether cells are due that nobody was asked to solve, seconds."""
 
 DERIVE_LOOK_EVERY_S = 1.0
 """How often a worker looks whether ways and drawn pieces are to follow what changed of segments, seconds."""
 
 SETTLE_LOOK_EVERY_S = 60.0
-"""How often a worker looks whether squares are to be settled, seconds."""
+"""How often a worker looks whether cells are to be settled, seconds."""
 
 EPOCH_LOOK_EVERY_S = 30.0
 """How often a worker looks whether the database was restored beneath it, seconds."""
@@ -99,8 +100,9 @@ def run_worker(
         ):
             written = in_thread(ledger.write, "what was counted could not be written")
             chores = _chores(context, settings, ledger, teller) if with_chores else ()
-            every = ((written, WRITE_EVERY_S), *chores)
-            again = worker.run(every, wait=wait, stop_event=stop_event, renewed=renewed)
+            again = worker.run(
+                ((written, WRITE_EVERY_S), *chores), wait=wait, stop_event=stop_event, renewed=renewed
+            )
             if not wait:
                 following.follow_all(context.sessions, stop_event)
             return again
@@ -158,14 +160,14 @@ def _removal_task(context: JobContext) -> Task:
 def _solver_task(context: JobContext) -> Task:
     def run(work: Work) -> str:
         with work.computing():
-            return f"{publishing.solve_some(context.sessions, context.blobs)} squares"
+            return f"{publishing.solve_some(context.sessions, context.blobs)} cells"
 
     def put_back() -> None:
         with context.sessions.begin() as session:
             enqueue_solve(session)
 
     def fail(kind: str, reason: str) -> None:
-        logger.error("what waits to be published could not be solved: %s", reason)
+        logger.error("cells that wait to be published could not be solved: %s", reason)
 
     return Task(SOLVE, run, fail, put_back, subject="part of the map")
 
@@ -174,45 +176,36 @@ def _chores(
     context: JobContext, settings: Settings, ledger: Ledger, teller: Teller
 ) -> tuple[tuple[Chore, float], ...]:
     """What is done beside the drives, and how often, s."""
-    orphan_age = timedelta(days=settings.orphan_days)
-    heights = HeightFiller(context.sessions, context.dem_dir)
-    renewed, swept = (
-        functools.partial(renew, context.sessions),
-        functools.partial(_sweep, context, settings, orphan_age),
-    )
-    tended = functools.partial(enqueuing.tend, context.sessions)
-    published = functools.partial(publishing.look_after, context.sessions, context.blobs)
-    settled = functools.partial(publishing.settle_quietly, context.sessions)
-    figured = functools.partial(figures.renew_one, context.sessions)
-    grown = functools.partial(growth.note_today, context.sessions)
-    numbered = functools.partial(begin_epoch, context.sessions)
-    derived = publishing.Deriver(context.sessions).piece
-    return (
-        (in_thread(numbered, "changes could not be numbered anew"), EPOCH_LOOK_EVERY_S),
-        (in_thread(published, "what waits to be published could not be seen to"), PUBLISH_LOOK_EVERY_S),
-        (in_thread(teller.look, "nobody could be told of events"), telling.LOOK_EVERY_S),
-        (in_thread(derived, "what is derived from segments could not follow"), DERIVE_LOOK_EVERY_S),
-        (in_thread(settled, "no square could be settled"), SETTLE_LOOK_EVERY_S),
-        (in_thread(renewed, "what an update left could not be seen to"), RENEW_EVERY_S),
-        (in_thread(tended, "batches could not be gone on with"), enqueuing.TEND_EVERY_S),
-        *(_look_after(kind, context) for kind in REQUESTS),
-        (in_thread(heights.piece, "heights could not be filled in"), RENEW_EVERY_S),
-        (in_thread(figured, "figures of the map could not be made"), figures.LOOK_EVERY_S),
-        (in_thread(grown, "what is driven by now could not be noted"), growth.LOOK_EVERY_S),
-        (in_thread(ledger.fold, "totals could not be added up"), FOLD_AFTER_S / 4),
-        (in_thread(swept, "what nobody needs any more could not be swept"), SWEEP_EVERY_S),
-    )
+    sessions, blobs = context.sessions, context.blobs
+    heights, deriver = HeightFiller(sessions, context.dem_dir), publishing.Deriver(sessions)
+    chores: list[tuple[Callable[[], bool | None], str, float]] = [
+        (partial(begin_epoch, sessions), "changes could not be numbered anew", EPOCH_LOOK_EVERY_S),
+        (
+            partial(publishing.look_after, sessions, blobs),
+            "drives could not be published",
+            PUBLISH_LOOK_EVERY_S,
+        ),
+        (teller.look, "webhooks could not be called", telling.LOOK_EVERY_S),
+        (deriver.piece, "ways and low zooms could not follow the segments", DERIVE_LOOK_EVERY_S),
+        (partial(publishing.settle_quietly, sessions), "no cell could be settled", SETTLE_LOOK_EVERY_S),
+        (partial(renew, sessions), "what an update left could not be done", RENEW_EVERY_S),
+        (partial(enqueuing.tend, sessions), "batches could not be continued", enqueuing.TEND_EVERY_S),
+        (heights.piece, "heights could not be filled in", RENEW_EVERY_S),
+        (partial(figures.renew_one, sessions), "figures of the map could not be made", figures.LOOK_EVERY_S),
+        (partial(growth.note_today, sessions), "the length driven could not be noted", growth.LOOK_EVERY_S),
+        (ledger.fold, "counters could not be added up", FOLD_AFTER_S / 4),
+        (partial(_sweep, context, settings), "unused files could not be removed", SWEEP_EVERY_S),
+    ]
+    for kind in REQUESTS:
+        failed = f"{kind.store.lock} could not be looked after"
+        chores.append((partial(upkeep.look_after, kind, context), failed, RENEW_EVERY_S))
+    return tuple((in_thread(chore, failed), every_s) for chore, failed, every_s in chores)
 
 
-def _look_after(kind: RequestKind[Any], context: JobContext) -> tuple[Chore, float]:
-    chore = functools.partial(upkeep.look_after, kind, context)
-    return in_thread(chore, f"{kind.store.lock} could not be looked after"), RENEW_EVERY_S
-
-
-def _sweep(context: JobContext, settings: Settings, older_than: timedelta) -> None:
-    """Clear the blob store, the attic of roads that are gone and, where no other database uses them, rasters."""
+def _sweep(context: JobContext, settings: Settings) -> None:
+    """Remove files that nobody refers to, retired evidence and, where no other database uses them, rasters."""
     if gone := retired.prune(context.sessions, settings.keep_dropped_days):
-        logger.info("let go what was measured on %d roads that are gone", gone)
+        logger.info("retired evidence of %d roads was kept long enough and is removed", gone)
     if gone := changes.prune(context.sessions, settings.changes_kept_days):
         logger.info("%d segments that went or moved long ago are not told as changes any more", gone)
     telling.prune(context.sessions)
@@ -221,12 +214,13 @@ def _sweep(context: JobContext, settings: Settings, older_than: timedelta) -> No
     for kind in REQUESTS:
         if files := upkeep.sweep_files(kind, context):
             logger.info("removed %d files that no %s refers to", len(files), kind.store.name)
-    found = intake.sweep_blobs(context.sessions, context.blobs, older_than)
-    if found.removed:
-        logger.info("removed %d blobs that no drive refers to", found.removed)
+    older_than = timedelta(days=settings.orphan_days)
+    swept = intake.sweep_blobs(context.sessions, context.blobs, older_than)
+    if swept.removed:
+        logger.info("removed %d blobs that no drive refers to", swept.removed)
     if (
         settings.keeps_files_together
-        and not found.strangers
+        and not swept.strangers
         and (rasters := sweep_rasters(context.sessions, context.dem_dir, older_than))
     ):
         logger.info("removed %d elevation rasters that are in no use any more", len(rasters))

@@ -1,4 +1,4 @@
-"""Reads ``postmaster.pid`` and tells a running server from what a crash left behind."""
+"""Reads ``postmaster.pid``, and distinguishes a running server from the remains of a crash."""
 
 from __future__ import annotations
 

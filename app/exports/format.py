@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from app.exports.writing.layers import SEGMENTS, Layer
-from app.map.segment import Record
+from app.map.segment import Column, Record, Segment, Way
 from fusion.errors import BadOptionsError
 
 if TYPE_CHECKING:
@@ -32,6 +32,19 @@ def statements(source: str, height_datum: str | None) -> dict[str, str]:
 
 ALL_FILTERS = frozenset({"driven", "gaps", "region"})
 WAY_FILTERS = frozenset({"driven", "region"})
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A table of records of one kind."""
+
+    name: str
+    title: str
+    columns: Mapping[str, Column]
+
+
+SEGMENTS = Layer("segments", "Slopes of road segments", Segment.columns)
+WAYS = Layer("ways", "Slopes of whole ways", Way.columns)
 
 
 class NoOptions(BaseModel):

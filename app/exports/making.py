@@ -133,6 +133,6 @@ def make_file(
     origin = provenance(
         session, settings.dem_dir, state, request.document(), request.bbox, driven=request.driven
     )
-    said = stated_of(origin)
-    count = request.format.write(source, path, said, request.options)
-    return Made(count, state, origin, said, tuple(source.notes))
+    stated = stated_of(origin)
+    count = request.format.write(source, path, stated, request.options)
+    return Made(count, state, origin, stated, tuple(source.notes))

@@ -24,7 +24,7 @@ from app.roads.regions import find_region, region_names
 from app.terrain.coverage import rasters_over
 from app.terrain.store import current_dem
 
-# The sums tell any change of what is shown of any square; the time tells two databases apart. A square that was only
+# The sums tell any change of what is shown of any cell; the time tells two databases apart. A cell that was only
 # locked has a row and no version.
 _STATE = text(
     """
@@ -51,7 +51,7 @@ class State:
 
 
 def data_state(session: Session) -> State:
-    """The state of all that a file can hold. Reads one row a square of the map."""
+    """The state of all that a file can hold. Reads one row a cell of the map."""
     row = session.execute(_STATE).one()
     changed_at = row.changed_at or _BEGINNING
     changed_us = int(changed_at.timestamp()) * 1_000_000 + changed_at.microsecond
@@ -71,7 +71,7 @@ def provenance(
     active = current_dem(session, place)
     boxes = _boxes(bbox)
     over = {name for box in boxes for name in rasters_over(session, active, bbox=box, driven=driven)}
-    regions = [found for name in region_names(session) if (found := find_region(session, name))]
+    regions = [region for name in region_names(session) if (region := find_region(session, name))]
     return {
         "generator": f"Versant {code_version()}",
         "data_version": state.version,

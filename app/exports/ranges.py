@@ -30,23 +30,23 @@ class NoSuchRangeError(Exception):
     """The file ends before the range."""
 
 
-def part_of(asked: str | None, if_range: str | None, etag: str, size: int) -> Part | None:
+def part_of(range_header: str | None, if_range: str | None, etag: str, size: int) -> Part | None:
     """The part of a file of ``size`` bytes that is asked for; None: the whole one.
 
     Several ranges at once, another unit and what is no range are answered by the whole file, as the standard allows,
     and so is a range of what the client has of another file (``if_range``). Raises ``NoSuchRangeError``.
     """
-    if asked is None or (if_range is not None and if_range.strip() != etag):
+    if range_header is None or (if_range is not None and if_range.strip() != etag):
         return None
-    found = _ONE_RANGE.fullmatch(asked.strip())
-    if found is None or not any(found.groups()) or any(len(n) > MOST_DIGITS for n in found.groups()):
+    match = _ONE_RANGE.fullmatch(range_header.strip())
+    if match is None or not any(match.groups()) or any(len(n) > MOST_DIGITS for n in match.groups()):
         return None
-    first, last = found.groups()
+    first, last = match.groups()
     if not first:
-        wanted = min(int(last), size)
-        if wanted == 0:
+        length = min(int(last), size)
+        if length == 0:
             raise NoSuchRangeError
-        return Part(size - wanted, size - 1)
+        return Part(size - length, size - 1)
     if last and int(last) < int(first):
         return None
     if int(first) >= size:

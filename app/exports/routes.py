@@ -45,7 +45,7 @@ from app.jobs.requests.listing import AfterQuery, page_of
 from fusion.errors import BadOptionsError, RoadsError, UnknownNameError
 
 if TYPE_CHECKING:
-    from app.exports.making import Request as Asked
+    from app.exports.making import Request as FileRequest
 
 logger = logging.getLogger(__name__)
 
@@ -87,16 +87,16 @@ def ask_for_export(
     of one version of the data are the same bytes, whenever they are made.
     """
     refuse_unknown(request, (), BadRequestError)
-    asked = _asked(body)
-    export, created = _found_or_new(service, asked)
+    file_request = _parse_request(body)
+    export, created = _find_or_add(service, file_request)
     if export.blob_key is not None and not _blobs(service).exists(
         export.blob_key
     ):  # somebody emptied the storage
         with service.sessions.begin() as session:
             store.cancel(session, export.id, service.settings)
-        export, created = _found_or_new(service, asked)
+        export, created = _find_or_add(service, file_request)
     if created:
-        tell(logger, "export asked for", export=export.id, format=asked.format.name)
+        tell(logger, "export asked for", export=export.id, format=file_request.format.name)
     response.status_code = 200 if export.status is ExportStatus.DONE else 202
     response.headers["Location"] = export_address(base, export)
     return linked(base, export)
@@ -141,7 +141,7 @@ def list_formats() -> ExportFormats:
 @router.get("/{export_id}", summary="One export", responses=problems(404, 503))
 def get_export(export_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Export:
     """Status, progress, the version and origin of its data, and where its file is."""
-    return linked(base, _found(service, export_id))
+    return linked(base, _get_export(service, export_id))
 
 
 @router.delete("/{export_id}", status_code=204, summary="Remove an export", responses=problems(403, 404, 503))
@@ -172,7 +172,7 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
 )
 def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Response:
     """The bytes as they were made, resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the whole file."""
-    export = _done(_found(service, export_id))
+    export = _done(_get_export(service, export_id))
     sha256, size = str(export.sha256), int(export.size_bytes or 0)
     etag = f'"{sha256}"'
     if etag_matches(request, etag):
@@ -212,13 +212,13 @@ def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
 )
 def get_beside(export_id: uuid.UUID, name: str, service: ServiceDep) -> Response:
     """How the file is drawn, or what its format has no place for, under the name that readers look for."""
-    export = _done(_found(service, export_id))
+    export = _done(_get_export(service, export_id))
     text = found(export.companions.get(name), f"file beside export {export_id} called", name[:80])
     kind = "application/json" if name.endswith(".json") else "text/plain"
     return Response(text, media_type=kind, headers={"Cache-Control": "no-cache"})
 
 
-def _asked(body: ExportRequest) -> Asked:
+def _parse_request(body: ExportRequest) -> FileRequest:
     from app.exports.making import request_of  # noqa: PLC0415 - as above
 
     with _naming("bbox"):
@@ -228,17 +228,17 @@ def _asked(body: ExportRequest) -> Asked:
         return request_of(body.format, body.options, bbox=box, **filters)
 
 
-def _found_or_new(service: Service, asked: Asked) -> tuple[Export, bool]:
+def _find_or_add(service: Service, file_request: FileRequest) -> tuple[Export, bool]:
     with service.sessions.begin() as session:
         with _naming("region"):
-            asked.query(session)
+            file_request.query(session)
         return store.ask(
             session,
-            request=asked.document(),
-            request_sha256=asked.sha256(),
+            request=file_request.document(),
+            request_sha256=file_request.sha256(),
             data_version=data_state(session).version,
-            file_name=asked.file_name,
-            media_type=asked.format.media_type,
+            file_name=file_request.file_name,
+            media_type=file_request.format.media_type,
         )
 
 
@@ -255,7 +255,7 @@ def _naming(field: str) -> Iterator[None]:
         raise BadRequestError(str(error), field=f"options.{at}" if inside else at) from error
 
 
-def _found(service: Service, export_id: uuid.UUID) -> Export:
+def _get_export(service: Service, export_id: uuid.UUID) -> Export:
     with service.reading() as session:
         export: Export = found(exports.get(session, export_id), "export", export_id)
     return export

@@ -62,10 +62,10 @@ def _make_export(run: RequestRun[Export]) -> str:
     with run.computing():
         with snapshot(run.sessions) as session:
             run.note(data_version=data_state(session).version)
-            made = _in_room(run, lambda: make_file(session, run.settings, request, path, show_share))
+            output = _in_room(run, lambda: make_file(session, run.settings, request, path, show_share))
         _require_small(run.settings, path.stat().st_size)
         blob = _store_file(run, path, show_share)
-    if not _finish(run, path, made, blob):
+    if not _finish(run, path, output, blob):
         run.context.part(EXPORTS).delete(blob.key)
         return "unwanted"
     expire(EXPORT, run.context)
@@ -98,22 +98,22 @@ def _require_room(run: RequestRun[Export]) -> None:
         raise storage_full()
 
 
-def _finish(run: RequestRun[Export], path: Path, made: Made, blob: StoredBlob) -> bool:
-    companions = asked_again(run.request.request).format.companions(path, made.stated)
+def _finish(run: RequestRun[Export], path: Path, output: Made, blob: StoredBlob) -> bool:
+    companions = asked_again(run.request.request).format.companions(path, output.stated)
     with run.sessions.begin() as session:
         # Before the export refers to the blob: another database's sweep must not take it for an orphan.
         run.context.part(EXPORTS).register_database(database_identity(session))
         return exports.finish(
             session,
             run.request,
-            entries=made.count,
-            provenance=plain_json(made.provenance),
+            entries=output.count,
+            provenance=plain_json(output.provenance),
             companions={place.name: text for place, text in companions.items()},
-            notes={"notes": list(made.notes)},
+            notes={"notes": list(output.notes)},
             blob_key=blob.key,
             sha256=blob.sha256,
             size_bytes=blob.size_bytes,
-            **store.kept(run.settings),
+            **store.expiry(run.settings),
         )
 
 
@@ -147,7 +147,7 @@ EXPORT = RequestKind(
     folder="exports",
     files=EXPORTS,
     undisturbed_s=lambda yields: 0.0 if yields < MOST_YIELDS else float("inf"),
-    at_end=store.kept,
+    at_end=store.expiry,
     expire=store.expire,
 )
 """What a worker does for exports."""

@@ -17,9 +17,8 @@ from sqlalchemy.orm import Session
 from app.core.db import Bounds, Sessions
 from app.core.settings.places import FilePlace
 from app.exports.writing.pmtiles_archive import Tile, tile_number
-from app.map.pages import PAGE, all_segments
 from app.map.segment import Segment, Way
-from app.map.store import FULL_ZOOM, corners, count_segments
+from app.map.store import FULL_ZOOM, PAGE, all_segments, corners, count_segments, in_box_sql
 from app.map.tiles.store import mvt
 from app.network.cells import ZOOM, cell_bounds
 from app.roads.region_files import kept_file
@@ -38,7 +37,6 @@ _WAYS = """
     SELECT {columns}, ST_AsBinary(w.geom) AS line FROM ways AS w
     WHERE w.id > :after_id AND {driven} AND {in_box} AND {in_region} ORDER BY w.id LIMIT :limit
 """
-_BOX = "ST_Intersects(w.geom, ST_MakeEnvelope({west}, :south, {east}, :north, 4326))"
 _IN_REGION = """
     EXISTS (SELECT FROM segments AS s WHERE s.id = w.id AND s.regions @> ARRAY[CAST(:region AS smallint)])
 """
@@ -107,7 +105,7 @@ class Source:
             _WAYS.format(
                 columns=", ".join(f"{column.sql} AS {name}" for name, column in Way.columns.items()),
                 driven="w.drives > 0" if asked.driven else "true",
-                in_box=_in_box(asked.bbox),
+                in_box=in_box_sql("w.geom", asked.bbox),
                 in_region="true" if asked.region is None else _IN_REGION,
             )
         )
@@ -122,13 +120,13 @@ class Source:
 
     def tiles(self, zooms: tuple[int, int]) -> Iterator[tuple[Tile, bytes]]:
         """The vector tiles of these zooms that hold anything, in the order of an archive, as the service shows them."""
-        wanted = [
+        addresses = [
             (z, *place)
             for z in range(zooms[0], zooms[1] + 1)
             for place in sorted(self._places(z), key=lambda place, z=z: tile_number(z, *place))  # type: ignore[misc]
         ]
-        for done, (z, x, y) in enumerate(wanted):
-            self._on_progress(done / len(wanted))
+        for done, (z, x, y) in enumerate(addresses):
+            self._on_progress(done / len(addresses))
             if data := mvt(self.session, z, x, y, full_zoom=self._full_zoom):
                 yield (z, x, y), data
 
@@ -185,14 +183,6 @@ def snapshot(sessions: Sessions) -> Iterator[Session]:
             execution_options={"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
         )
         yield session
-
-
-def _in_box(bbox: Bounds | None) -> str:
-    if bbox is None:
-        return "true"
-    if bbox[0] <= bbox[2]:
-        return _BOX.format(west=":west", east=":east")
-    return f"({_BOX.format(west=':west', east='180')} OR {_BOX.format(west='-180', east=':east')})"
 
 
 def _meet(one: Bounds, other: Bounds) -> bool:

@@ -91,7 +91,7 @@ def ask(
     return exports.add(session, request=document, request_sha256=request_sha256, **columns), True
 
 
-def kept(settings: Settings) -> dict[str, Any]:
+def expiry(settings: Settings) -> dict[str, Any]:
     """The column that says until when an export is kept that ends now."""
     return {"expires_at": NOW + timedelta(days=settings.export_keep_days)}
 
@@ -101,7 +101,7 @@ def cancel(session: Session, export_id: uuid.UUID, settings: Settings) -> str | 
     export = exports.hold(session, export_id)
     if export is None or export.status == "cancelled":
         return None
-    until = {} if export.expires_at is not None else kept(settings)
+    until = {} if export.expires_at is not None else expiry(settings)
     exports.write(
         session, export_id, **until, status="cancelled", blob_key=None, companions={}, finished_at=NOW
     )

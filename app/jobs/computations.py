@@ -1,9 +1,9 @@
 """Which jobs a process computes just now, so that its death counts against those and against no others.
 
-A process holds one connection for it, its witness: the kernel closes it when the process ends, however it ends, and the
-server notices at once. A job whose worker is silent is charged with a death only if its mark stands, the witness's end
-at the server is gone, and the server itself has not been started since. So a process that is cut off, paused or asked
-to stop, a machine that vanished and a database that was away are nobody's fault.
+A process holds one connection as the sign that it lives: the kernel closes it when the process ends, however it ends,
+and the server notices at once. A job whose worker is silent is charged with a death only if its mark stands, the server
+has lost that connection, and the server itself has not been started since. So a process that is cut off, paused or
+asked to stop, a machine that vanished and a database that was away are nobody's fault.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ _FORGET_GONE = text(
 )
 
 
-class Witness:
+class Liveness:
     """This process's marks, and the connection that ends when it does. Any thread may use it."""
 
     def __init__(self, url: str) -> None:
@@ -135,7 +135,7 @@ class Witness:
                 connect_timeout=CONNECT_TIMEOUT_S,
                 tcp_user_timeout=CONNECT_TIMEOUT_S * 1000,
                 options=_OPTIONS,
-                application_name="versant witness",
+                application_name="versant liveness",
             )
             row = self._connection.execute(_IDENTITY).fetchone()
             assert row is not None  # noqa: S101 - a connection sees itself

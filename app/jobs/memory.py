@@ -50,5 +50,5 @@ def give_back() -> None:
 
 
 def _figure_bytes(file: str, name: str) -> int:
-    found = re.search(rf"^{name}:\s+(\d+) kB", (_SELF / file).read_text(), re.MULTILINE)
-    return 0 if found is None else int(found[1]) * 1024
+    figure = re.search(rf"^{name}:\s+(\d+) kB", (_SELF / file).read_text(), re.MULTILINE)
+    return 0 if figure is None else int(figure[1]) * 1024

@@ -16,7 +16,7 @@ from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
 from app.core.settings.places import libpq_url
 from app.core.telemetry.logs import about
-from app.jobs.computations import Witness
+from app.jobs.computations import Liveness
 from app.jobs.memory import MORE_MEMORY
 from app.jobs.task import QUEUE, Interrupted, Task, TooLongError, Work, is_connection_loss
 from fusion.errors import FusionError
@@ -87,8 +87,8 @@ class Run:
 class Runs:
     """The runs of this process, now and before."""
 
-    def __init__(self, witness: Witness, limit_s: float) -> None:
-        self.witness, self.limit_s = witness, limit_s
+    def __init__(self, liveness: Liveness, limit_s: float) -> None:
+        self.liveness, self.limit_s = liveness, limit_s
         self.current: dict[int, Run] = {}
         self.begun: set[int] = set()
         """Jobs begun and not brought to an end: when the database takes one of them for a dead worker's, this
@@ -111,19 +111,19 @@ class Runs:
         self.workers.add(run.worker)
         try:
             with about(job=run.job):
-                return self._performed(run, context)
+                return self._run_to_end(run, context)
         finally:
             self.after_each()
 
-    def _performed(self, run: Run, context: procrastinate.JobContext) -> str:
+    def _run_to_end(self, run: Run, context: procrastinate.JobContext) -> str:
         task, arguments, once = run.task, run.arguments, run.once
-        deaths = self.witness.deaths(run.job)
+        deaths = self.liveness.deaths(run.job)
         if deaths >= MAX_DEATHS:
-            task.give_up("interrupted", _died(task, deaths), **arguments)
-            self.witness.forget(run.job)
+            task.give_up("interrupted", _death_reason(task, deaths), **arguments)
+            self.liveness.forget(run.job)
             return "given up"
         try:
-            with self._entered(run):
+            with self._registered(run):
                 outcome = task.run(self._work(run, context), **arguments)
         except Interrupted as stop:
             if context.abort_reason() == job_context.AbortReason.USER_REQUEST:
@@ -135,7 +135,7 @@ class Runs:
         except Exception as error:
             outcome = self._cut_off_or_failed(run, context, error)
         self.begun.discard(run.job)
-        self.witness.forget(run.job)
+        self.liveness.forget(run.job)
         return outcome
 
     def _work(self, run: Run, context: procrastinate.JobContext) -> Work:
@@ -144,10 +144,10 @@ class Runs:
                 raise run.too_long
             return self.stopping.is_set() or context.should_abort()
 
-        return Work(should_stop, lambda: self.witness.computing(run.job), context.job.priority)
+        return Work(should_stop, lambda: self.liveness.computing(run.job), context.job.priority)
 
     @contextmanager
-    def _entered(self, run: Run) -> Iterator[None]:
+    def _registered(self, run: Run) -> Iterator[None]:
         self.begun.add(run.job)
         self.current[run.job] = run
         try:
@@ -173,9 +173,9 @@ class Runs:
                 run.task.put_back(**run.arguments)
             raise CutOffError from error
         logger.error("job %s (%s) failed", run.job, run.task.kind.name, exc_info=error)
-        run.task.give_up(*_in_words(run.task, error), **run.arguments)
+        run.task.give_up(*_failure_of(run.task, error), **run.arguments)
         self.begun.discard(run.job)
-        self.witness.forget(run.job)
+        self.liveness.forget(run.job)
         raise error
 
 
@@ -203,14 +203,14 @@ def _nothing() -> None:
     """Nobody wants to know."""
 
 
-def _died(task: Task, deaths: int) -> str:
+def _death_reason(task: Task, deaths: int) -> str:
     return (
         f"The worker died {deaths} times while it processed this {task.subject}, most likely for lack of memory. "
         f"{task.advice}"
     )
 
 
-def _in_words(task: Task, error: Exception) -> tuple[str, str]:
+def _failure_of(task: Task, error: Exception) -> tuple[str, str]:
     """Kind and reason of a failure."""
     if isinstance(error, FusionError):
         return error.kind, str(error)

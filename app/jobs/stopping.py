@@ -63,7 +63,7 @@ class Stopping:
 
     def begin(self) -> None:
         """The worker was asked to stop."""
-        self._in_background(self._runs.witness.stop)
+        self._in_background(self._runs.liveness.stop)
         self._in_background(self._stop)
         if self._may_exit:
             self._in_background(self._exit_at_the_end)
@@ -79,7 +79,7 @@ class Stopping:
             return
         self._given_up.update(run.job for run in overdue)
         if self._may_exit:
-            self._in_background(self._runs.witness.stop)
+            self._in_background(self._runs.liveness.stop)
             self._in_background(lambda: self._exit_at_the_end(1))
         self._busy.cancel()
         for run in overdue:

@@ -22,11 +22,11 @@ from sqlalchemy import Engine
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.jobs import memory
-from app.jobs.computations import Witness, charge, forget_gone
+from app.jobs.computations import Liveness, charge, forget_gone
 from app.jobs.runs import Runs, make_queue
-from app.jobs.silence import Silence
 from app.jobs.stopping import RUN_ON_SHARE, BusyConnections, Stopping
 from app.jobs.task import QUEUE, Task
+from app.jobs.watchdog import Watchdog
 
 logger = logging.getLogger(__name__)
 
@@ -46,9 +46,9 @@ class Worker:
     def __init__(self, settings: Settings, engine: Engine, sessions: Sessions, tasks: Sequence[Task]) -> None:
         self._settings, self._sessions = settings, sessions
         url = str(settings.database_url)
-        self._runs = Runs(Witness(url), settings.run_limit_s)
+        self._runs = Runs(Liveness(url), settings.run_limit_s)
         self._queue = make_queue(url, tasks, self._runs)
-        self._silence = Silence(self._queue, self._runs.current)
+        self._watchdog = Watchdog(self._queue, self._runs.current)
         self._unended: set[int] = set()
         self._stop, self._too_large = asyncio.Event(), False
         self._stopping = Stopping(
@@ -74,12 +74,12 @@ class Worker:
         if renewed:
             self._runs.after_each = self._end_if_large
         retry_every_s = min(self._settings.stalled_after_s / 4, 10.0)
-        every = ((self._retry_stalled, retry_every_s), *chores)
+        all_chores = ((self._retry_stalled, retry_every_s), *chores)
         try:
-            asyncio.run(self._work(every, wait, stop_event))
+            asyncio.run(self._work(all_chores, wait, stop_event))
         finally:
             self._stopping.end()
-            self._runs.witness.close()
+            self._runs.liveness.close()
         return self._too_large
 
     async def _work(
@@ -88,22 +88,22 @@ class Worker:
         stop = self._stop
         self._stopping.attach(asyncio.get_running_loop())
         limits = in_thread(self._stopping.give_up_overdue, "what takes too long could not be given up")
-        alive = in_thread(self._runs.witness.look, "the database could not be told that this worker lives")
+        alive = in_thread(self._runs.liveness.look, "the database could not be told that this worker lives")
         with _stop_signals(stop):
-            async with contextlib.AsyncExitStack() as meanwhile:
-                for beside in (
+            async with contextlib.AsyncExitStack() as tasks_beside:
+                for background_work in (
                     _watch(stop_event, stop),
                     self._end_when(stop),
-                    _again_and_again(limits, _LOOK_AT_LIMITS_EVERY_S, None),
-                    _again_and_again(alive, self._settings.heartbeat_interval_s, None),
+                    _repeat(limits, _LOOK_AT_LIMITS_EVERY_S, None),
+                    _repeat(alive, self._settings.heartbeat_interval_s, None),
                 ):
-                    await meanwhile.enter_async_context(_background(beside))
-                await meanwhile.enter_async_context(self._queue.open_async())
-                still_at_it = _again_and_again(self._sign_of_life, self._settings.heartbeat_interval_s, None)
-                await meanwhile.enter_async_context(_background(still_at_it))
+                    await tasks_beside.enter_async_context(_background(background_work))
+                await tasks_beside.enter_async_context(self._queue.open_async())
+                heartbeat = _repeat(self._sign_of_life, self._settings.heartbeat_interval_s, None)
+                await tasks_beside.enter_async_context(_background(heartbeat))
                 for chore, every_s in chores:
                     more = await chore()
-                    await meanwhile.enter_async_context(_background(_again_and_again(chore, every_s, more)))
+                    await tasks_beside.enter_async_context(_background(_repeat(chore, every_s, more)))
                 while not stop.is_set():
                     await self._serve(wait, stop)
                     if not wait:
@@ -140,13 +140,13 @@ class Worker:
             )
         )
         stopping = asyncio.create_task(stop.wait())
-        silent = asyncio.create_task(self._silence.lasts())
+        silent = asyncio.create_task(self._watchdog.wait())
         try:
             await asyncio.wait({worker, stopping, silent}, return_when=asyncio.FIRST_COMPLETED)
             worker.cancel()  # a worker that is cancelled ends its jobs first
             if silent.done() and not worker.done():
                 logger.error("the worker asks for no work any more; it begins anew")
-                worker.add_done_callback(_look_away)
+                worker.add_done_callback(_ignore_outcome)
                 return
             await worker
         except asyncio.CancelledError:
@@ -234,7 +234,7 @@ def in_thread(work: Callable[[], bool | None], failed: str) -> Chore:
     return functools.partial(asyncio.to_thread, careful)
 
 
-async def _again_and_again(chore: Chore, every_s: float, more: bool | None) -> None:
+async def _repeat(chore: Chore, every_s: float, more: bool | None) -> None:
     while True:
         await asyncio.sleep(_NEXT_PIECE_S if more else every_s)
         try:
@@ -244,7 +244,7 @@ async def _again_and_again(chore: Chore, every_s: float, more: bool | None) -> N
             more = None
 
 
-def _look_away(task: asyncio.Task[None]) -> None:
+def _ignore_outcome(task: asyncio.Task[None]) -> None:
     """Whatever one ends by that is waited for no more."""
     if not task.cancelled():
         task.exception()
@@ -276,10 +276,10 @@ def _stop_signals(stop: asyncio.Event) -> Iterator[None]:
         yield
         return
     loop = asyncio.get_running_loop()
-    wanted = (signal.SIGTERM, signal.SIGINT)
+    stop_signals = (signal.SIGTERM, signal.SIGINT)
 
     def restore() -> None:
-        for number in wanted:
+        for number in stop_signals:
             loop.remove_signal_handler(number)
 
     def on_signal() -> None:
@@ -287,7 +287,7 @@ def _stop_signals(stop: asyncio.Event) -> Iterator[None]:
         stop.set()
         restore()
 
-    for number in wanted:
+    for number in stop_signals:
         loop.add_signal_handler(number, on_signal)
     try:
         yield

@@ -36,32 +36,32 @@ def cached_crowd(service: Service, session: Session) -> Bounds | None:
     """A box that holds most roads, degrees: extracts have lone roads that lead far away. As ``cached_extent``."""
     tag = ("crowd", road_tag(session))
     if tag not in service.extents:
-        whole = cached_extent(service, session)  # first: it forgets what was of other roads
+        extent = cached_extent(service, session)  # first: it forgets what was of other roads
         widest = SHOWN_AT_ONCE * 2 ** (ZOOM - service.settings.tile_min_zoom)
-        service.extents[tag] = None if whole is None else crowded_box(road_crowds(session), whole, widest)
+        service.extents[tag] = None if extent is None else crowded_box(road_crowds(session), extent, widest)
     return service.extents[tag]
 
 
-def crowded_box(crowds: Mapping[int, int], whole: Bounds, widest: float = math.inf) -> Bounds:
-    """The smallest box of squares outside of which, on each side, lie no more of the segments than is left out.
+def crowded_box(crowds: Mapping[int, int], extent: Bounds, widest: float = math.inf) -> Bounds:
+    """The smallest box of cells outside of which, on each side, lie no more of the segments than is left out.
 
-    Where it were wider or higher than ``widest`` squares, as of roads in two countries, it is that of the roads near
+    Where it were wider or higher than ``widest`` cells, as of roads in two countries, it is that of the roads near
     the place where most of them are together.
     """
-    squares = np.array(list(crowds), np.int64)
+    cells = np.array(list(crowds), np.int64)
     weights = np.array(list(crowds.values()), float)
-    places = np.array([squares >> ZOOM, squares & ((1 << ZOOM) - 1)])
+    places = np.array([cells >> ZOOM, cells & ((1 << ZOOM) - 1)])
     low, high = _most_of(places, weights)
     if (high - low).max() >= widest:
         near = _together(places, weights, widest)
         low, high = _most_of(places[:, near], weights[near])
     west, south, _, _ = cell_bounds(int(low[0]) << ZOOM | int(high[1]))
     _, _, east, north = cell_bounds(int(high[0]) << ZOOM | int(low[1]))
-    return max(west, whole[0]), max(south, whole[1]), min(east, whole[2]), min(north, whole[3])
+    return max(west, extent[0]), max(south, extent[1]), min(east, extent[2]), min(north, extent[3])
 
 
 def _most_of(places: Ints, weights: Floats) -> tuple[Ints, Ints]:
-    """The first and last column and row of the squares without those left out; rows of ``places`` are x and y."""
+    """The first and last column and row of the cells without those left out; rows of ``places`` are x and y."""
     beyond = (1 - MOST_ROADS) / 2
     sides = []
     for along in places:
@@ -73,7 +73,7 @@ def _most_of(places: Ints, weights: Floats) -> tuple[Ints, Ints]:
 
 
 def _together(places: Ints, weights: Floats, widest: float) -> Bools:
-    """Which squares lie in a part of the map, ``widest`` squares wide and high, in the middle of the largest crowd."""
+    """Which cells lie in a part of the map, ``widest`` cells wide and high, in the middle of the largest crowd."""
     parts = places // max(int(widest / 3), 1)
     _, part = np.unique(parts, axis=1, return_inverse=True)
     mine = part == np.argmax(np.bincount(part, weights))

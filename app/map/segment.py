@@ -120,7 +120,7 @@ class Segment(Record):
     """Where that begins and ends, from from_node."""
     steepest_to_m: Annotated[float | None, Column("a.steepest_to_m", "double", LENGTH_DIGITS)] = None
     driven_share: Annotated[float | None, Column("a.driven_share", "double", SHARE_DIGITS)] = None
-    """Of the length, 0 to 1, over which drives of the network are heard; unknown where only slope-only drives were."""
+    """Of the length, 0 to 1, over which drives of the network are accepted; unknown with slope-only drives alone."""
 
     @property
     def stored_id(self) -> int:

@@ -117,7 +117,7 @@ class Observation(BaseModel):
     last_at: Moment
     in_network: bool = Field(description="Solved together with all drives, rather than averaged with them.")
     accepted: bool | None = Field(
-        description="Whether the drive is heard here, or contradicts the others; null unless in_network."
+        description="Whether the drive is accepted here, or contradicts the others; null unless in_network."
     )
     weight: Share = Field(
         description="Its share in the segment's slope, 0..1, by the inverse variance of its own estimate."

@@ -7,7 +7,7 @@ of requests and formats; how a segment's properties are read is said in ``app.ma
 from __future__ import annotations
 
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -32,22 +32,33 @@ _SEGMENTS = _SEGMENTS_AND_GAPS + " AND a.drives > 0"
 
 _DRIVEN = {None: "true", True: "a.drives > 0", False: "coalesce(a.drives, 0) = 0"}
 
-_IN_BOX = "ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, :east, :north, 4326))"
-
-# A box whose west is east of its east crosses the antimeridian (RFC 7946, section 5.2).
-_IN_BOX_ACROSS = """(
-        ST_Intersects(s.geom, ST_MakeEnvelope(:west, :south, 180, :north, 4326))
-        OR ST_Intersects(s.geom, ST_MakeEnvelope(-180, :south, :east, :north, 4326)))
-"""
+_IN_BOX = "ST_Intersects({line}, ST_MakeEnvelope({west}, :south, {east}, :north, 4326))"
 _IN_REGION = " AND s.regions @> ARRAY[CAST(:region AS smallint)]"
+
+
+def in_box_sql(line: str, bbox: Bounds | None) -> str:
+    """The condition of lines that meet a box, whose parameters are its ``corners``; None: of all lines.
+
+    A box whose west is east of its east crosses the antimeridian (RFC 7946, section 5.2).
+    """
+    if bbox is None:
+        return "true"
+    if bbox[0] <= bbox[2]:
+        return _IN_BOX.format(line=line, west=":west", east=":east")
+    west, east = (_IN_BOX.format(line=line, west=w, east=e) for w, e in ((":west", "180"), ("-180", ":east")))
+    return f"({west} OR {east})"
+
+
+def corners(bbox: Bounds | None) -> dict[str, float]:
+    """The parameters of a statement for a box."""
+    return {} if bbox is None else dict(zip(("west", "south", "east", "north"), bbox, strict=True))
 
 
 def _statement(
     template: str, gaps: bool = False, driven: bool | None = None, bbox: Bounds | None = None, region: int = 0
 ) -> TextClause:
     """The statement with its parts from the constants above; what a caller gives stays a parameter of it."""
-    in_box = "true" if bbox is None else _IN_BOX if bbox[0] <= bbox[2] else _IN_BOX_ACROSS
-    in_box += _IN_REGION if region else ""
+    in_box = in_box_sql("s.geom", bbox) + (_IN_REGION if region else "")
     segments = _SEGMENTS_AND_GAPS if gaps else _SEGMENTS
     return text(
         template.format(columns=_SEGMENT_COLUMNS, segments=segments, driven=_DRIVEN[driven], in_box=in_box)
@@ -92,6 +103,30 @@ def segment_items(
     return [_segment(row) for row in session.execute(page, values)]
 
 
+PAGE = 5000
+"""Segments that ``all_segments`` reads at once."""
+
+
+def all_segments(
+    session: Session,
+    bbox: Bounds | None = None,
+    *,
+    driven: bool = False,
+    gaps: bool = False,
+    region: int | None = None,
+) -> Iterator[Segment]:
+    """Every segment that meets the box, or of them those that were driven, page by page, in constant memory.
+
+    ``gaps`` and ``region`` as in ``segment_items``.
+    """
+    after, only_driven = 0, True if driven else None
+    while rows := segment_items(
+        session, bbox=bbox, after_id=after, limit=PAGE, driven=only_driven, gaps=gaps, region=region
+    ):
+        yield from rows
+        after = rows[-1].stored_id
+
+
 def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool | None = None) -> int:
     """How many segments ``segment_items`` reaches with these filters. Reads all of them."""
     count = _statement(_COUNT, driven=driven, bbox=bbox)
@@ -109,22 +144,14 @@ def segments_by_id(session: Session, ids: Sequence[int]) -> list[Segment]:
     return [_segment(row) for row in session.execute(_statement(_EACH), {"ids": list(ids)})]
 
 
-def corners(bbox: Bounds | None) -> dict[str, float]:
-    """The parameters of a statement for a box."""
-    return {} if bbox is None else dict(zip(("west", "south", "east", "north"), bbox, strict=True))
-
-
 @dataclass(frozen=True)
-class ObservationRow:
-    """One drive behind a segment's slope, with the provenance of its estimate.
+class _EstimateRow:
+    """One drive's estimate of one segment.
 
-    ``in_network``: the drive contributes factors, which are solved with all others. ``accepted``: whether any
-    of its passes over the segment is heard; None for a slope-only drive. ``weight`` is its share in the slope,
-    0 to 1, by the inverse variance of its own estimate.
+    ``in_network``: the drive contributes factors, which are solved with all others. ``accepted``: whether any of its
+    passes over the segment is accepted; None for a slope-only drive.
     """
 
-    drive_id: uuid.UUID
-    drive_time: datetime | None
     slope_percent: float
     slope_sigma_percent: float
     observations: int
@@ -133,6 +160,17 @@ class ObservationRow:
     last_at: datetime
     in_network: bool
     accepted: bool | None
+
+
+@dataclass(frozen=True)
+class ObservationRow(_EstimateRow):
+    """One drive behind a segment's slope, with the provenance of its estimate.
+
+    ``weight`` is its share in the slope, 0 to 1, by the inverse variance of its own estimate.
+    """
+
+    drive_id: uuid.UUID
+    drive_time: datetime | None
     weight: float
     method: str
     options: dict[str, Any]
@@ -142,15 +180,15 @@ class ObservationRow:
     estimated_at: datetime
 
 
-# The drives behind a segment, each with how its estimate was made, and whether any pass of it is heard. What one
-# contributes, 1/percent squared, is nothing where a drive of the network is not heard. A share is one of all drives,
+# The drives behind a segment, each with how its estimate was made, and whether any pass of it is accepted. What
+# one contributes, 1/percent squared, is nothing where a drive of the network is rejected. A share is one of all drives,
 # so all are read, as three columns, whichever page is shown.
 _OBSERVATIONS = text(
     f"""
     WITH shown AS (
         SELECT e.* FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id AND {IS_SHOWN.format("d")}
         WHERE e.segment_id = :id
-    ), said AS (
+    ), weighed AS (
         SELECT e.drive_id, e.first_at, h.accepted,
                CASE WHEN h.accepted OR NOT e.in_network THEN e.slope_sigma_percent ^ -2 ELSE 0 END AS information
         FROM shown AS e
@@ -163,7 +201,7 @@ _OBSERVATIONS = text(
                    LEFT JOIN (SELECT drive_id, count(*) AS passes FROM rejected_passes WHERE segment_id = :id
                               GROUP BY drive_id) AS r ON r.drive_id = p.drive_id) AS h ON h.drive_id = e.drive_id
     ), page AS (
-        SELECT *, (SELECT sum(information) FROM said) AS total FROM said
+        SELECT *, (SELECT sum(information) FROM weighed) AS total FROM weighed
         WHERE CAST(:after_first_at AS timestamptz) IS NULL
             OR (first_at, drive_id) < (CAST(:after_first_at AS timestamptz), CAST(:after_id AS uuid))
         ORDER BY first_at DESC, drive_id DESC LIMIT :limit
@@ -195,21 +233,10 @@ def segment_observations(
 
 
 @dataclass(frozen=True)
-class DriveSegmentRow:
-    """One drive's estimate of one segment; ``segment`` carries the combination of all drives.
-
-    ``in_network`` and ``accepted``: as in ``ObservationRow``.
-    """
+class DriveSegmentRow(_EstimateRow):
+    """One drive's estimate; ``segment`` carries the combination of all drives."""
 
     segment: Segment
-    slope_percent: float
-    slope_sigma_percent: float
-    observations: int
-    passes: int
-    first_at: datetime
-    last_at: datetime
-    in_network: bool
-    accepted: bool | None
 
 
 # A drive's own estimates beside the combination of all drives.

@@ -1,6 +1,6 @@
 """The stored map from all drives: passes, the solution, and what is published of it.
 
-The one room with locks (``locks``). ``results`` is the way in and leaves ``marks``; ``swap`` takes them through
-``surroundings`` and ``passes`` -> ``solve`` -> ``slopes`` -> ``publish``. ``extracts`` and ``road_squares`` read roads,
-``sums`` keeps old passes, ``cells`` the cells and their versions. Knows no log, job or request.
+The one room with locks (``locks``). ``results`` stores a drive and leaves ``marks``; ``swap`` takes them through
+``surroundings`` and ``passes`` -> ``solve`` -> ``slopes`` -> ``publish``. ``extracts`` and ``cell_roads`` read roads,
+``condensed`` holds old passes, ``cells`` the cells and their versions. Knows no log, job or request.
 """

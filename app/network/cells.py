@@ -1,8 +1,8 @@
-"""The cells of the map in which it is solved, and by which its tiles know whether they are new: tiles of zoom 14.
+"""Cells: tiles of zoom 14, in which the map is solved and by whose versions its tiles are new or unchanged.
 
-A cell is a number, ``x << 14 | y``. A segment is solved with the cell of its middle and shown in all that it
-meets. Each cell has a version, raised when and only when something that is shown of it changes: a tile is as new as
-the cells under it. ``cells`` is written in short transactions at the end of which everything stands.
+A cell is a number, ``x << 14 | y``. A segment is solved with the cell of its middle and shown in all cells that it
+meets. Each cell has a version, raised if and only if something that is shown of it changes; a tile is as new as the
+cells under it. ``cells`` is written in short transactions, at the end of which everything is consistent.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ ZOOM = 14
 _SIDE = 1 << ZOOM
 
 TILE_MARGIN = 1 / 32
-"""A tile draws lines a little beyond its edge; of a tile's side, twice what it draws."""
+"""Twice what a tile draws beyond its edge, as a share of its side."""
 
-# The cells in which segments (s) are shown. Few reach from one into another: what that costs is only theirs.
+# The cells in which segments (s) are shown. Few segments reach from one cell into another, and only these cost more.
 OVER = """
     SELECT DISTINCT id FROM (
         SELECT s.cell AS id FROM segments AS s WHERE {where}
@@ -43,12 +43,12 @@ _MAKE = text(
     """
 )
 _VERSIONS = text("SELECT id, version FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id")
-# Nobody waits: a server names every wait that is cut off in its log as an error.
+# Nobody waits: a server logs every wait that times out as an error.
 _TAKE = text(
     "SELECT id, version FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id FOR UPDATE SKIP LOCKED"
 )
 
-# Taken in the same order.
+# Locked in the same order.
 _RAISE = text(
     """
     INSERT INTO cells AS c (id, version) SELECT unnest(CAST(:ids AS integer[])), 1 ORDER BY 1
@@ -71,7 +71,7 @@ _SUM_DRIVEN = text(
     """
 )
 
-# Cells beside each other are so near that a wide window over one reaches into the other.
+# Neighbours are so near that a wide subnetwork over one cell reaches into the other.
 _UNSETTLE = text(
     """
     UPDATE cells SET unsettled_since = clock_timestamp()
@@ -88,7 +88,7 @@ _UNSETTLED = text(
     """
 )
 
-# The sum tells any change of any of them; the time tells two databases behind one address apart.
+# The sum changes with every cell; the time differs between two databases behind one address.
 _TAG = text(
     """
     SELECT coalesce(sum(version), 0) AS version,
@@ -108,43 +108,43 @@ def cells_over(session: Session, segment_ids: Collection[int]) -> list[int]:
 
 
 def versions_of(session: Session, cells: Collection[int]) -> dict[int, int]:
-    """The versions of cells; one that has no row yet has 0."""
-    found = {row.id: row.version for row in session.execute(_VERSIONS, {"ids": list(cells)})}
-    return {cell: found.get(cell, 0) for cell in cells}
+    """The versions of cells; 0 of those that have no row yet."""
+    versions = {row.id: row.version for row in session.execute(_VERSIONS, {"ids": list(cells)})}
+    return {cell: versions.get(cell, 0) for cell in cells}
 
 
 def lock_cells(session: Session, cells: Collection[int]) -> dict[int, int]:
-    """Keep other writers of these cells out until the transaction ends; the versions of those that nobody holds."""
+    """Lock these cells until the transaction ends; the versions of those that nobody else has locked."""
     ids = sorted(cells)
     session.execute(_MAKE, {"ids": ids})
     return {row.id: row.version for row in session.execute(_TAKE, {"ids": ids})}
 
 
 def raise_versions(session: Session, cells: Collection[int]) -> None:
-    """Say that what is shown of these cells has changed, and count anew what is driven there."""
+    """Note that what is shown of these cells has changed, and count again what is driven there."""
     if cells:
         session.execute(_RAISE, {"ids": sorted(cells)})
         count_driven(session, cells)
 
 
 def count_driven(session: Session, cells: Collection[int]) -> None:
-    """Count anew what is driven in these cells."""
+    """Count again what is driven in these cells."""
     session.execute(_SUM_DRIVEN, {"ids": sorted(cells)})
 
 
 def unsettle(session: Session, cells: Collection[int]) -> None:
-    """Note that these cells and those beside them are to be settled some time."""
+    """Note that these cells and those beside them wait to be settled."""
     if cells:
         session.execute(_UNSETTLE, {"ids": sorted(cells)})
 
 
 def unsettled(session: Session, age_s: float, limit: int) -> list[int]:
-    """Cells that have waited to be settled for so long, the longest first."""
+    """Cells that have waited for ``age_s`` to be settled, the longest first."""
     return list(session.execute(_UNSETTLED, {"age_s": age_s, "limit": limit}).scalars())
 
 
 def take_unsettled(session: Session, cells: Collection[int]) -> None:
-    """These cells are about to be settled: from here on only what comes lets them wait anew."""
+    """Note that these cells are being settled: only later changes make them wait again."""
     session.execute(_TAKE_UNSETTLED, {"ids": sorted(cells)})
 
 
@@ -154,11 +154,6 @@ def tile_tag(session: Session, z: int, x: int, y: int) -> str:
     y0, y1 = span(z, y)
     row: Any = session.execute(_TAG, {"x0": x0, "x1": x1, "y0": y0, "y1": y1}).one()
     return f"{row.version}.{row.changed_us:x}"
-
-
-def data_version_tag(session: Session) -> str:
-    """The same of all data."""
-    return tile_tag(session, 0, 0, 0)
 
 
 def data_version(session: Session) -> int:
@@ -174,7 +169,7 @@ def last_change(session: Session) -> datetime | None:
 
 
 def partitions_around(cells: Ints) -> list[int]:
-    """The tiles of zoom 6 in which cells lie, as ``versant_partition`` numbers them: passes are parted by them."""
+    """The partitions of the passes in these cells, as ``versant_partition`` numbers them: tiles of zoom 6."""
     return [int(partition) for partition in np.unique(cells >> 22 << 6 | (cells & (_SIDE - 1)) >> 8)]
 
 
@@ -185,7 +180,7 @@ def beside(cell: int) -> Iterable[int]:
 
 
 def cell_name(cell: int) -> str:
-    """The cell as a path of tiles has it: z/x/y."""
+    """The cell as z/x/y."""
     return f"{ZOOM}/{cell >> ZOOM}/{cell & (_SIDE - 1)}"
 
 
@@ -198,7 +193,7 @@ def cell_bounds(cell: int) -> Bounds:
 
 
 def span(z: int, column: int) -> tuple[int, int]:
-    """The columns, or rows, of cells that a tile's column and what it draws beyond it meet."""
+    """The columns, or rows, of cells that a tile draws from, its margin included."""
     scale = 2.0 ** (ZOOM - z)
     low, high = (column - TILE_MARGIN) * scale, (column + 1 + TILE_MARGIN) * scale
     return max(0, int(low // 1)), min(_SIDE - 1, int(high // 1))

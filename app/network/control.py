@@ -1,7 +1,6 @@
-"""Surveyed heights that were imported, read by whoever solves roads near them.
+"""Surveyed heights that were imported, as solvers of roads near them read them.
 
-What a point does to the heights is the library's business (``fusion.network.control``); how points come into the
-database is in ``control_import``.
+``fusion.network.control`` decides what a point does to heights; ``control_import`` writes the points.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Surveyed heights into the database: each once at its place, and the roads at those that changed solved again."""
+"""Imports surveyed heights, one at each place, and solves the roads again where a height changes."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""One drive that is there twice, uploaded again or in another format: one of them is heard, the others name it.
+"""Duplicate drives: a drive that is uploaded twice, or in two formats, counts once; its duplicates name it.
 
-Who is heard follows from what is stored alone, not from who came first, and by the rule that holds without a service
-too (``fusion.network.duplicates``). What the drives say is in ``passes``; callers own the hours of the drive
-(``app.network.locks``), so that of two that come at once one sees the other.
+Which drive counts follows from what is stored alone, not from the order of the uploads, and by the rule of the library
+(``fusion.network.duplicates``). Callers own the hours of the drive (``app.network.locks``), so that of two drives that
+are stored at the same time one sees the other.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ITS = OF_DRIVE.format(":", "")
 
 # Drives that the rule can take for this one, and a few more: through an index by segment and time, so that the cost is
 # that of the drive itself.
-_BESIDE = text(
+_CANDIDATES = text(
     f"""
     SELECT other.drive_id
     FROM (SELECT segment_id, partition, entered_s FROM drive_passes WHERE {_ITS}) AS mine
@@ -44,11 +44,10 @@ _ENTRIES = """
 """
 _EPOCHS = "SELECT drive_id, measurements, epoch_s FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
-_NAMED_BY = text("SELECT id FROM drives WHERE duplicate_of = :drive_id")
-_DUPLICATE_OF = text(
-    "SELECT id, duplicate_of FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256"
-)
-_HEARD = text("SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND duplicate_of IS NULL")
+_DUPLICATES_OF = text("SELECT id FROM drives WHERE duplicate_of = :drive_id")
+# Of two drives that are equal to the last digit, their bytes decide.
+_FORMER = text("SELECT id, duplicate_of FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256")
+_COUNTING = text("SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND duplicate_of IS NULL")
 _SET_DUPLICATE_OF = text("UPDATE drives SET duplicate_of = :duplicate_of WHERE id = :drive_id")
 _SEGMENTS = text(
     """
@@ -59,25 +58,27 @@ _SEGMENTS = text(
 
 
 def duplicates_of(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
-    """Drives that are not heard so far because this one is."""
-    return set(session.execute(_NAMED_BY, {"drive_id": drive_id}).scalars())
+    """The drives that are marked as duplicates of this one."""
+    return set(session.execute(_DUPLICATES_OF, {"drive_id": drive_id}).scalars())
 
 
 def decide_duplicates(session: Session, drive_ids: Collection[uuid.UUID]) -> set[int]:
-    """Decide anew who is heard among these drives and those that are the same; the segments of those that now are or no
-    longer are."""
-    drives, again = _decided(session, _among_heard(session, drive_ids))
-    if {drives[k].id for k in again} != set(drive_ids):
-        drives, again = _decided(session, _together(session, drive_ids))
+    """Decide anew which of these drives, and of those equal to them, count.
+
+    Returns the segments of the drives that count from now on and did not, or the other way round.
+    """
+    drives, original = _assign(session, _with_counting(session, drive_ids))
+    if {drives[k].id for k in original} != set(drive_ids):
+        drives, original = _assign(session, _connected(session, drive_ids))
     changed = []
     for k, drive in enumerate(drives):
         drive_id, former = drive.id, drive.duplicate_of
-        witness = drives[again[k]].id if k in again else None
-        if witness != former:
-            session.execute(_SET_DUPLICATE_OF, {"drive_id": drive_id, "duplicate_of": witness})
-        if witness is not None and former is None:
+        now = drives[original[k]].id if k in original else None
+        if now != former:
+            session.execute(_SET_DUPLICATE_OF, {"drive_id": drive_id, "duplicate_of": now})
+        if now is not None and former is None:
             uncondense_drive(session, drive_id)
-        if (witness is None) != (former is None):
+        if (now is None) != (former is None):
             changed.append(drive_id)
     if not changed:
         return set()
@@ -85,63 +86,61 @@ def decide_duplicates(session: Session, drive_ids: Collection[uuid.UUID]) -> set
     return set(session.execute(_SEGMENTS, values).scalars())
 
 
-def _decided(
-    session: Session, witnesses: dict[uuid.UUID, DriveTrace]
+def _assign(
+    session: Session, traces: dict[uuid.UUID, DriveTrace]
 ) -> tuple[Sequence[Row[Any]], dict[int, int]]:
-    """The drives with what they named so far, and which of them says which again, both by their place in the list."""
-    # Of two that are alike to the last digit, their bytes decide.
-    drives = session.execute(_DUPLICATE_OF, {"ids": list(witnesses)}).all()
-    return drives, find_duplicates({k: witnesses[row.id] for k, row in enumerate(drives)})
+    """The drives with what each was a duplicate of so far, and which of them duplicates which, by place in the list."""
+    drives = session.execute(_FORMER, {"ids": list(traces)}).all()
+    return drives, find_duplicates({k: traces[row.id] for k, row in enumerate(drives)})
 
 
-def _among_heard(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
-    """One drive that no other names, with those beside it that are heard; of several drives nothing.
+def _with_counting(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
+    """One drive of which there are no duplicates, with the candidates that count; nothing for several drives.
 
-    If it is one of these again, no other drive's fate depends on it: who is heard was decided without it. So the
+    If the drive duplicates one of these, no other drive depends on it: the others were decided without it. So the
     thousandth copy of a drive costs as much as the second.
     """
     if len(drive_ids) != 1:
         return {}
     drive_id = next(iter(drive_ids))
-    heard = session.execute(_HEARD, {"ids": list(_beside(session, drive_id))}).scalars()
-    return _witnesses(session, {drive_id, *heard})
+    counting = session.execute(_COUNTING, {"ids": list(_candidates(session, drive_id))}).scalars()
+    return _traces(session, {drive_id, *counting})
 
 
-def _together(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
-    """These drives and all that are the same as any of them, however many steps away."""
-    found = _witnesses(session, drive_ids)
+def _connected(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
+    """These drives and all that equal any of them, however many steps away."""
+    traces = _traces(session, drive_ids)
     waiting = set(drive_ids)
-    together: dict[uuid.UUID, DriveTrace] = {}
+    connected: dict[uuid.UUID, DriveTrace] = {}
     while waiting:
         drive_id = waiting.pop()
-        together[drive_id] = one = found[drive_id]
-        # Of copies each is beside each: none is looked at twice.
-        beside = _beside(session, drive_id) - together.keys() - waiting
-        found |= _witnesses(session, beside - found.keys())
-        waiting |= {other for other in beside if is_duplicate(one, found[other])}
-    return together
+        connected[drive_id] = one = traces[drive_id]
+        # Each copy is a candidate of each other: none is looked at twice.
+        candidates = _candidates(session, drive_id) - connected.keys() - waiting
+        traces |= _traces(session, candidates - traces.keys())
+        waiting |= {other for other in candidates if is_duplicate(one, traces[other])}
+    return connected
 
 
-def _beside(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
+def _candidates(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
     values = {**of_drive(session, drive_id), "apart_s": LONGEST_ENTRY_S, "share": SAME_SHARE}
-    return set(session.execute(_BESIDE, values).scalars())
+    return set(session.execute(_CANDIDATES, values).scalars())
 
 
-def _witnesses(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
-    """What tells each of these drives from others; nothing does of one without passes."""
+def _traces(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
+    """The trace of each of these drives; that of a drive without passes is empty."""
     if not (ids := list(drive_ids)):
         return {}
     entries: dict[uuid.UUID, list[tuple[int, float]]] = {drive_id: [] for drive_id in ids}
-    for drive_id, segment, entered_s in fetch_binary(
-        session, _ENTRIES, {"ids": ids, "partitions": drive_partitions(session, ids)}
-    ):
+    values = {"ids": ids, "partitions": drive_partitions(session, ids)}
+    for drive_id, segment, entered_s in fetch_binary(session, _ENTRIES, values):
         entries[drive_id].append((segment, entered_s))
-    epochs = {drive_id: said for drive_id, *said in fetch_binary(session, _EPOCHS, {"ids": ids})}
-    found = {}
+    epochs = {drive_id: row for drive_id, *row in fetch_binary(session, _EPOCHS, {"ids": ids})}
+    traces = {}
     for drive_id, passes in entries.items():
         measurements, epoch_s = epochs.get(drive_id, (0, b""))
         segment, enter_s = np.array(passes, float).reshape(-1, 2).T
-        found[drive_id] = DriveTrace(
+        traces[drive_id] = DriveTrace(
             segment.astype(np.int64), enter_s, np.frombuffer(epoch_s, "<f8").astype(np.float64), measurements
         )
-    return found
+    return traces

@@ -1,6 +1,6 @@
 """Extracts of the stored roads as the library's tables: whole, or around a place.
 
-How roads come into the database is in ``app.roads``; what was measured on them is not known here.
+``app.roads`` writes the roads; what was measured on them is not known here.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The locks of those who change the map. Nobody holds one while anything is computed.
+"""The locks of those who change the map. Nobody holds one during a computation.
 
-Drives and solvers share the network: any number at once, for as long as a short transaction takes. Whoever changes the
-roads or what lies under them owns it meanwhile: imports of roads step by step, a tenth of a second each, and one import
-at a time. Whoever reads needs no lock.
+Drives and solvers share the network, any number at once, each for a short transaction. Whoever changes roads or
+elevation owns it: an import of roads step by step, a tenth of a second each, and one import at a time. Readers need no
+lock.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.core.telemetry.measures import LOCK_WAIT_S
 
-# Any constants that no other user of this database takes.
+# Arbitrary constants that no other user of this database takes.
 _NETWORK = 0x5653_4E54  # "VSNT"
 _HOURS = 0x5653_4852  # "VSHR"
 _CELLS = 0x5653_434C  # "VSCL"
@@ -40,19 +40,19 @@ HOUR_S = 3600.0
 
 
 def own_network(session: Session) -> None:
-    """Wait for and keep out all who share the network until this transaction ends."""
+    """Wait for all who share the network, and keep them out until this transaction ends."""
     with LOCK_WAIT_S.timed("own_network"):
         session.execute(_OWN, {"key": _NETWORK})
 
 
 def share_network(session: Session) -> None:
-    """Keep the roads and what lies under them as they are until this transaction ends."""
+    """Keep roads and elevation as they are until this transaction ends."""
     with LOCK_WAIT_S.timed("share_network"):
         session.execute(_SHARE, {"key": _NETWORK})
 
 
 def try_share_network(session: Session) -> bool:
-    """The same without waiting: False where someone owns the network, or waits for it."""
+    """The same without waiting; False where somebody owns the network or waits for it."""
     return bool(session.execute(_TRY_SHARE, {"key": _NETWORK}).scalar_one())
 
 
@@ -60,7 +60,7 @@ def own_hours(session: Session, moments_s: Iterable[float], apart_s: float) -> N
     """Keep out whoever adds or removes a drive of the same hours, until this transaction ends.
 
     ``moments_s`` are Unix seconds; drives whose moments are within ``apart_s`` of each other have an hour in common.
-    Only such drives can be one and the same, and each has to see the other.
+    Only such drives can be duplicates, and each has to see the other.
     """
     hours = {int((m + d) // HOUR_S) for m in moments_s for d in (-apart_s, apart_s)}
     with LOCK_WAIT_S.timed("own_hours"):
@@ -68,9 +68,9 @@ def own_hours(session: Session, moments_s: Iterable[float], apart_s: float) -> N
 
 
 def import_alone(session: Session, waits: Callable[[], None]) -> None:
-    """Let nobody else change roads for as long as the session's connection lasts, or until ``free_all``.
+    """Keep other imports of roads out as long as the session's connection lasts, or until ``free_all``.
 
-    ``waits`` is called before another import is waited for.
+    ``waits`` is called before this waits for another import.
     """
     if not session.execute(_TRY_IMPORT_ALONE, {"key": _IMPORT}).scalar_one():
         waits()
@@ -83,19 +83,19 @@ def roads_change(session: Session) -> bool:
 
 
 def free_all(session: Session) -> None:
-    """Give back all that the session's connection holds beyond its transactions."""
+    """Release all locks that the session's connection holds beyond its transactions."""
     session.execute(_FREE_ALL)
 
 
 class CellClaims:
-    """Cells that one solver has taken for itself, for as long as its connection lasts: nobody waits for them."""
+    """Cells that one solver has claimed for as long as its connection lasts; nobody waits for them."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self.cells: set[int] = set()
 
     def take(self, cell: int) -> bool:
-        """Whether the cell is this solver's now."""
+        """Claim a cell; whether this solver has it now."""
         if (
             cell not in self.cells
             and self._session.execute(_TRY_CELL, {"key": _CELLS, "cell": cell}).scalar_one()
@@ -117,9 +117,9 @@ def cell_claims(sessions: Sessions) -> Iterator[CellClaims]:
 
 @contextmanager
 def own_heights(sessions: Sessions, *, wait: bool) -> Iterator[bool]:
-    """Be the only one that renews heights of segments, so that nothing is computed twice; until the block ends.
+    """Be the only one that renews heights of segments until the block ends, so that nothing is computed twice.
 
-    Yields whether that is so: without ``wait`` it may be somebody else. What is written does not depend on it.
+    Yields whether that is so: without ``wait`` somebody else may be at it. What is written does not depend on it.
     """
     with sessions() as session:
         session.connection(execution_options={"isolation_level": "AUTOCOMMIT"})

@@ -1,7 +1,7 @@
-"""What waits to be solved: marks, made by whoever changes what the map rests on, taken away by whoever has solved it.
+"""Marks of what waits to be solved: made by whoever changes evidence or roads, deleted by whoever has solved them.
 
-A mark names segments of one cell. A drive is published once no mark of it is left, but for cells that are given up:
-those keep their marks, and are tried ever more rarely.
+A mark names segments of one cell. A drive is published once none of its marks is left, except in cells that are given
+up: those keep their marks and are retried ever more rarely.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-# A segment that is gone needs no mark: the roads around it have theirs.
+# A segment that was deleted needs no mark: the roads around it have theirs.
 _APPEND = text(
     """
     INSERT INTO network_marks (cell, drive_id, generation, touched, combined, due_at)
@@ -36,51 +36,51 @@ _WAITING = text(
     FROM network_marks GROUP BY cell ORDER BY min(due_at), cell
     """
 )
-# A solver that dies leaves what it began with. What kills one after the other is left alone longer and longer: the
-# whole cell, whenever its marks came. (Beyond 2 ^ 20 the pause has long been the longest.)
+# A solver that dies leaves the marks that it began. A cell that kills one solver after the other is retried with longer
+# and longer pauses, whenever its marks were made. (Beyond 2 ^ 20 the pause has long been the longest.)
 _TRY = text(
     """
     UPDATE network_marks AS m
-    SET tries = known.tries + 1, due_at = CASE WHEN known.tries >= :patience
+    SET tries = worst.tries + 1, due_at = CASE WHEN worst.tries >= :patience
         THEN clock_timestamp()
-            + make_interval(secs => least(:longest_s, :pause_s * 2 ^ least(known.tries - :patience, 20)))
+            + make_interval(secs => least(:longest_s, :pause_s * 2 ^ least(worst.tries - :patience, 20)))
         ELSE m.due_at END
     FROM (SELECT cell, max(tries) AS tries FROM network_marks WHERE cell = ANY(CAST(:cells AS integer[]))
-          GROUP BY cell) AS known
-    WHERE m.cell = known.cell
+          GROUP BY cell) AS worst
+    WHERE m.cell = worst.cell
     """
 )
 _ANY_DUE = text("SELECT EXISTS (SELECT FROM network_marks WHERE due_at <= clock_timestamp())")
 _COUNT_CELLS = text("SELECT count(DISTINCT cell) FROM network_marks")
-_ANY_HOPE = text("SELECT EXISTS (SELECT FROM network_marks WHERE tries <= :patience)")
+_ANY_SOLVABLE = text("SELECT EXISTS (SELECT FROM network_marks WHERE tries <= :patience)")
 _IN_CELLS = text(
     "SELECT id, touched, combined FROM network_marks WHERE cell = ANY(CAST(:cells AS integer[])) ORDER BY id"
 )
 _STILL_THERE = text("SELECT id FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))")
-_TAKE_AWAY = text("DELETE FROM network_marks WHERE id = ANY(CAST(:ids AS bigint[]))")
+_DELETE = text("DELETE FROM network_marks WHERE id = ANY(CAST(:ids AS bigint[]))")
 _MAKE_DUE = text(
     "UPDATE network_marks SET due_at = clock_timestamp() WHERE due_at > clock_timestamp() AND tries < :patience"
 )
 
 
 PATIENCE = 2
-"""Marks that so many solvers have begun with and none has ended are solved by themselves, and ever more rarely."""
+"""Cells that so many solvers have begun and none has finished are solved alone, and retried ever more rarely."""
 PAUSE_S, LONGEST_PAUSE_S = 30.0, 3600.0
 GIVEN_UP = 7
-"""A drive waits no longer for a cell with which so many solvers have begun: six have done so in vain, in seven and a
-half minutes. Workers and databases that are started again are back by then, and who waits for a drive still does."""
+"""A drive stops waiting for a cell that so many solvers have begun: six of them failed, in seven and a half minutes.
+Restarted workers and databases are back by then, and whoever waits for the drive still does."""
 
 
 class MarkedBy(NamedTuple):
-    """A drive, and the run of it that made marks."""
+    """A drive, and the generation of it that made marks."""
 
     drive_id: uuid.UUID
     generation: int
 
 
 class Waiting(NamedTuple):
-    """A cell with marks: whether any is due, how many segments are touched, each as often as it was, and whether
-    solvers have begun with it in vain."""
+    """A cell with marks: whether any is due, how many segments are touched, each counted as often as it is marked, and
+    whether solvers have failed to solve it."""
 
     cell: int
     due: bool
@@ -104,9 +104,9 @@ def append_marks(
     by: MarkedBy | None = None,
     delay_s: float = 0.0,
 ) -> list[int]:
-    """Let the network be solved around ``touched`` segments, and what is published of the ``combined`` be renewed.
+    """Mark ``touched`` segments to be solved again, and ``combined`` ones to be published again, within ``delay_s``.
 
-    It may wait for ``delay_s``. Returns the cells; none where no such segment is there.
+    Returns the cells that are marked; none where no such segment exists.
     """
     values = {
         "drive_id": None if by is None else by.drive_id,
@@ -119,18 +119,18 @@ def append_marks(
 
 
 def waiting_cells(session: Session) -> list[Waiting]:
-    """All cells with marks, those that are due the longest first."""
+    """All cells with marks, those that have been due longest first."""
     return [Waiting(*row) for row in session.execute(_WAITING, {"patience": PATIENCE})]
 
 
 def note_try(session: Session, cells: Collection[int]) -> None:
-    """A solver begins with these cells; if it does not come to an end, another will, later and later."""
+    """Note that a solver begins these cells; if it does not finish, another retries, later and later."""
     pause = {"patience": PATIENCE, "pause_s": PAUSE_S, "longest_s": LONGEST_PAUSE_S}
     session.execute(_TRY, {"cells": sorted(cells), **pause})
 
 
 def any_due(session: Session) -> bool:
-    """Whether there is anything to be solved by now."""
+    """Whether any mark is due."""
     return bool(session.execute(_ANY_DUE).scalar_one())
 
 
@@ -139,18 +139,18 @@ def count_cells(session: Session) -> int:
     return int(session.execute(_COUNT_CELLS).scalar_one())
 
 
-def any_hope(session: Session) -> bool:
-    """Whether anything is marked but cells with which solvers have begun in vain again and again."""
-    return bool(session.execute(_ANY_HOPE, {"patience": PATIENCE}).scalar_one())
+def any_solvable(session: Session) -> bool:
+    """Whether any cell is marked that solvers have not repeatedly failed to solve."""
+    return bool(session.execute(_ANY_SOLVABLE, {"patience": PATIENCE}).scalar_one())
 
 
 def make_due(session: Session) -> None:
-    """Let nothing wait any longer but what solvers have begun with in vain."""
+    """Make all marks due, except in cells that solvers have failed to solve."""
     session.execute(_MAKE_DUE, {"patience": PATIENCE})
 
 
 def marked_in(session: Session, cells: Collection[int]) -> Marked:
-    """What waits in these cells, but for segments that an import has taken away since."""
+    """What waits in these cells, without segments that an import has deleted since."""
     rows = session.execute(_IN_CELLS, {"cells": sorted(cells)}).all()
     touched = {segment for row in rows for segment in row.touched}
     combined = {segment for row in rows for segment in row.combined}
@@ -158,7 +158,7 @@ def marked_in(session: Session, cells: Collection[int]) -> Marked:
     return Marked([row.id for row in rows], touched & there, combined & there)
 
 
-def take_away(session: Session, marks: Sequence[int]) -> None:
-    """What these marks stand for is done."""
+def delete_marks(session: Session, marks: Sequence[int]) -> None:
+    """Delete marks whose segments are solved and published."""
     if marks:
-        session.execute(_TAKE_AWAY, {"ids": list(marks)})
+        session.execute(_DELETE, {"ids": list(marks)})

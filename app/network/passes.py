@@ -1,7 +1,7 @@
 """The passes that drives contribute: written drive by drive, read by the segments that they are over.
 
-Passes are the truth; slopes are made of them (``solve``). Those of a drive that is there already, under another id, are
-stored but not read (``twins``), and of many over one segment the old ones are read as a sum (``sums``).
+Passes are the evidence; slopes are computed from them (``solve``). Those of duplicate drives are stored but not read
+(``duplicates``), and of many passes over one segment the old ones are read as one sum (``condensed``).
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ _DELETE = f"""
     DELETE FROM drive_passes WHERE {_MINE}
     RETURNING segment_id, sequence, condensed_weight, CASE WHEN condensed_weight > 0 THEN factor END
 """  # noqa: S608 - constants
-# Nobody sums passes of a drive that changes (``sums``).
-_KEEP = text("SELECT FROM drives WHERE id = :drive_id FOR NO KEY UPDATE")
-_DELETE_VERDICTS = text("DELETE FROM rejected_passes WHERE drive_id = :drive_id")
+# While a drive changes, nobody condenses its passes (``condensed``).
+_LOCK_DRIVE = text("SELECT FROM drives WHERE id = :drive_id FOR NO KEY UPDATE")
+_DELETE_REJECTED = text("DELETE FROM rejected_passes WHERE drive_id = :drive_id")
 
 _INSERT = """
     INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, partition)
-    SELECT %(drive_id)s, t.segment_id, t.sequence, t.entered_s, t.factor, versant_partition(s.cell)
-    FROM unnest(%(segment_id)s::bigint[], %(sequence)s::integer[], %(entered_s)s::float8[], %(factor)b::bytea[])
-         AS t (segment_id, sequence, entered_s, factor)
+    SELECT t.drive_id, t.segment_id, t.sequence, t.entered_s, t.factor, versant_partition(s.cell)
+    FROM unnest(%(drive_id)s::uuid[], %(segment_id)s::bigint[], %(sequence)s::integer[], %(entered_s)s::float8[],
+                %(factor)b::bytea[]) AS t (drive_id, segment_id, sequence, entered_s, factor)
     JOIN segments AS s ON s.id = t.segment_id
 """
 
-# However many passes there were, those that are not in a sum are few; an index knows them.
+# However many passes there are, recent ones are few, and an index knows them.
 OVER = """
     SELECT p.id, p.drive_id, r.pass_id IS NULL AS accepted, p.factor, p.segment_id, p.sequence
     FROM drive_passes AS p
@@ -50,12 +50,12 @@ OVER = """
         AND p.condensed_weight IS NULL AND (SELECT duplicate_of IS NULL FROM drives WHERE id = p.drive_id)
     ORDER BY p.drive_id, p.sequence
 """
-_REGIONS = text(
+_PARTITIONS = text(
     "SELECT DISTINCT versant_partition(cell) FROM segments WHERE id = ANY(CAST(:ids AS bigint[])) ORDER BY 1"
 )
 
-# What all passes of a drive together say of its constants, so that a window need not read those outside of it; and what
-# tells the drive from others (``twins``).
+# What all passes of a drive together say of its constants, so that a solution need not read the passes outside of it;
+# and what tells the drive from others (``duplicates``).
 _DELETE_CONSTANTS = text("DELETE FROM drive_constants WHERE drive_id = :drive_id")
 _INSERT_CONSTANTS = """
     INSERT INTO drive_constants (drive_id, passes, evidence, measurements, epoch_s, partitions)
@@ -63,8 +63,8 @@ _INSERT_CONSTANTS = """
 """
 _CONSTANTS = "SELECT drive_id, passes, evidence FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
-# A drive that comes can turn the verdict over passes of others. One that is going just now takes its verdicts along,
-# and over what has been summed meanwhile the verdict stands.
+# A new drive can turn others' passes from accepted to rejected or back. A drive that is being removed takes its rows
+# along; passes that were condensed meanwhile stay as they were condensed.
 _REJECT = text(
     """
     INSERT INTO rejected_passes (segment_id, pass_id, drive_id)
@@ -75,18 +75,18 @@ _REJECT = text(
     ON CONFLICT DO NOTHING
     """
 )
-_HEAR = text(
+_ACCEPT = text(
     """
     DELETE FROM rejected_passes
     WHERE segment_id = ANY(CAST(:segments AS bigint[])) AND pass_id = ANY(CAST(:ids AS bigint[]))
     """
 )
 
-_MOMENTS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_ITS}")  # noqa: S608 - constants
+_ENTRY_SECONDS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_ITS}")  # noqa: S608 - constants
 
 
 class StoredPass(NamedTuple):
-    """A pass with its row's id (None: it is not stored), its drive and the verdict that stands over it."""
+    """A pass: the id of its row (None: it is not stored), its drive, whether it is accepted, and its factor."""
 
     id: int | None
     drive_id: uuid.UUID
@@ -97,94 +97,100 @@ class StoredPass(NamedTuple):
 def replace_passes(
     session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor], epoch_s: Floats
 ) -> set[int]:
-    """Exchange the drive's passes for ``factors``, whose segments are database ids; the segments of both.
+    """Replace the drive's passes by ``factors``, whose segments are database ids; returns the segments of both.
 
     ``epoch_s`` are the times of the log's positions, shape (e,), Unix seconds.
     """
-    session.execute(_KEEP, {"drive_id": drive_id})
-    gone = fetch_binary(session, _DELETE, of_drive(session, drive_id))
-    subtract_condensed(session, condensed_of_drive(session, drive_id, gone))
-    session.execute(_DELETE_VERDICTS, {"drive_id": drive_id})
+    session.execute(_LOCK_DRIVE, {"drive_id": drive_id})
+    deleted = fetch_binary(session, _DELETE, of_drive(session, drive_id))
+    subtract_condensed(session, condensed_of_drive(session, drive_id, deleted))
+    session.execute(_DELETE_REJECTED, {"drive_id": drive_id})
     session.execute(_DELETE_CONSTANTS, {"drive_id": drive_id})
-    touched = {segment for segment, *_ in gone}
+    touched = {segment for segment, *_ in deleted} | {f.segment for f in factors}
     if factors:
-        columns = {
-            "segment_id": np.array([f.segment for f in factors]),
-            "sequence": np.array([f.sequence for f in factors]),
-            "entered_s": np.array([f.first_time_s for f in factors], float),
-            "factor": PassFactor.encode_all(factors),
-        }
-        send_binary(session, _INSERT, {"drive_id": drive_id, **columns})
-        whole = {
+        drives = [drive_id] * len(factors)
+        insert_passes(session, drives, factors, np.array([f.first_time_s for f in factors], float))
+        constants = {
             "passes": len(factors),
             "evidence": ConstantsInformation.of_passes(factors).encode(),
             "measurements": sum(f.rows for f in factors),
             "epoch_s": np.asarray(epoch_s, "<f8").tobytes(),
             "partitions": partitions_of(session, {f.segment for f in factors}),
         }
-        send_binary(session, _INSERT_CONSTANTS, {"drive_id": drive_id, **whole})
-    return touched | {f.segment for f in factors}
+        send_binary(session, _INSERT_CONSTANTS, {"drive_id": drive_id, **constants})
+    return touched
+
+
+def insert_passes(
+    session: Session, drive_ids: Sequence[uuid.UUID], factors: Sequence[PassFactor], entered_s: Floats
+) -> None:
+    """Store one pass for each drive and factor, entered at ``entered_s`` (p,), Unix seconds."""
+    columns = {
+        "drive_id": list(drive_ids),
+        "segment_id": np.array([f.segment for f in factors]),
+        "sequence": np.array([f.sequence for f in factors]),
+        "entered_s": entered_s,
+        "factor": PassFactor.encode_all(factors),
+    }
+    send_binary(session, _INSERT, columns)
 
 
 def partitions_of(session: Session, segment_ids: Collection[int]) -> list[int]:
-    """The partitions by which the passes over these segments are parted."""
-    return list(session.execute(_REGIONS, {"ids": list(segment_ids)}).scalars())
+    """The partitions in which the passes over these segments are."""
+    return list(session.execute(_PARTITIONS, {"ids": list(segment_ids)}).scalars())
 
 
-def moments_of(session: Session, drive_id: uuid.UUID) -> set[float]:
-    """When the drive came to its segments, Unix seconds."""
-    return set(session.execute(_MOMENTS, of_drive(session, drive_id)).scalars())
+def entry_seconds(session: Session, drive_id: uuid.UUID) -> set[float]:
+    """The whole Unix seconds at which the drive entered its segments."""
+    return set(session.execute(_ENTRY_SECONDS, of_drive(session, drive_id)).scalars())
 
 
 def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPass]:
-    """The passes over these segments that are in no sum, but for those of drives that are there already; drive by drive
-    as driven."""
-    rows = fetch_binary(
-        session, OVER, {"ids": list(segment_ids), "partitions": partitions_of(session, segment_ids)}
-    )
+    """The recent passes over these segments, without those of duplicate drives; drive by drive in driving order."""
+    values = {"ids": list(segment_ids), "partitions": partitions_of(session, segment_ids)}
+    rows = fetch_binary(session, OVER, values)
     factors = PassFactor.decode_all([row[3:] for row in rows])
     return [
-        StoredPass(key, drive_id, accepted, factor)
-        for (key, drive_id, accepted, *_), factor in zip(rows, factors, strict=True)
+        StoredPass(pass_id, drive_id, accepted, factor)
+        for (pass_id, drive_id, accepted, *_), factor in zip(rows, factors, strict=True)
     ]
 
 
-def said_elsewhere(
+def constants_outside(
     session: Session, drives: Sequence[Sequence[StoredPass]]
 ) -> dict[int, ConstantsInformation]:
-    """What the drives' other passes say of their constants, by place in ``drives``: the whole less what is here.
+    """What passes of the drives outside of these say of their constants, by place in ``drives``: all less these.
 
-    A pass that is in a sum, here or elsewhere, is not here: it says as little of the constants as any pass does over a
+    A condensed pass, here or elsewhere, counts as outside: it says as little of the constants as any pass does over a
     road of which next to nothing is known, and less than it would say among the others.
     """
-    ids = [said[0].drive_id for said in drives]
-    whole = {key: (count, said) for key, count, said in fetch_binary(session, _CONSTANTS, {"ids": ids})}
-    found = {}
+    ids = [passes[0].drive_id for passes in drives]
+    stored = {key: (count, data) for key, count, data in fetch_binary(session, _CONSTANTS, {"ids": ids})}
+    outside = {}
     for k, passes in enumerate(drives):
-        count, said = whole.get(passes[0].drive_id, (0, b""))
+        count, data = stored.get(passes[0].drive_id, (0, b""))
         if count > len(passes):
-            found[k] = ConstantsInformation.decode(said) - ConstantsInformation.of_passes(
-                [p.factor for p in passes]
-            )
-    return found
+            inside = ConstantsInformation.of_passes([p.factor for p in passes])
+            outside[k] = ConstantsInformation.decode(data) - inside
+    return outside
 
 
 def by_drive(passes: Iterable[StoredPass]) -> list[list[StoredPass]]:
     """The passes of each drive, drives in the order in which they were driven.
 
-    Not in that of their coming: the sums over them would differ in the last digits.
+    In the order of their uploads the sums over them would differ in the last digits.
     """
     drives: dict[uuid.UUID, list[StoredPass]] = {}
     for one in passes:
         drives.setdefault(one.drive_id, []).append(one)
     return sorted(
-        drives.values(), key=lambda said: (min(p.factor.first_time_s for p in said), said[0].drive_id)
+        drives.values(), key=lambda laps: (min(p.factor.first_time_s for p in laps), laps[0].drive_id)
     )
 
 
-def set_accepted(session: Session, heard: Sequence[StoredPass], rejected: Sequence[StoredPass]) -> None:
-    """Write which passes are heard from now on, and which are not."""
-    for statement, passes in ((_HEAR, heard), (_REJECT, rejected)):
+def set_accepted(session: Session, accepted: Sequence[StoredPass], rejected: Sequence[StoredPass]) -> None:
+    """Write which passes are accepted from now on, and which are rejected."""
+    for statement, passes in ((_ACCEPT, accepted), (_REJECT, rejected)):
         if passes:
             segments = sorted({p.factor.segment for p in passes})
             ids = sorted(p.id for p in passes if p.id is not None)

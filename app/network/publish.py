@@ -1,7 +1,7 @@
-"""What is published of a segment: the network's slope and the estimates of slope-only drives, made into one.
+"""Publishes slopes: combines the network's slope of a segment with the estimates of slope-only drives.
 
-``network_slopes`` and ``drive_segments`` -> ``segment_slopes``, the one table of slopes that the map is read from. How
-the parts are put together is the library's business.
+``network_slopes`` and ``drive_segments`` -> ``segment_slopes``, the one table of slopes that the map is read from. The
+library decides how the parts are combined (``fusion.network.combine``).
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _WRITE_AGGREGATES = text(
     """  # noqa: S608 - constants
 )
 
-# A slope of the network alone stays as it is (``published_slope``), so nearly all need not be looked at one by one.
+# A slope of the network alone stays as it is (``published_slope``), so nearly all are copied in one statement.
 _MIXED = text(
     "SELECT DISTINCT segment_id FROM drive_segments WHERE segment_id = ANY(:ids) AND NOT in_network ORDER BY 1"
 )
@@ -75,8 +75,8 @@ _CLEAR_WITHOUT = text(
     """
 )
 
-# What is published without anything that it rests on, of a former model. A drive that is about to be computed again may
-# say it again: until then it stays.
+# Slopes of a former model that rest on nothing any more. A drive that waits to be computed may support them again:
+# until then they stay.
 _LEFT_OVER = text(
     """
     SELECT a.segment_id FROM segment_slopes AS a
@@ -91,9 +91,9 @@ _LEFT_OVER = text(
 
 
 def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> list[int]:
-    """Recompute what is published of these segments from all that is stored; nothing known: no row.
+    """Publish these segments again from all that is stored; a segment of which nothing is known has no row.
 
-    Returns the segments of which that changed. The caller holds their cells (``app.network.cells``).
+    Returns the segments whose published slope changed. The caller holds their cells (``app.network.cells``).
     """
     ids = np.unique(np.array(list(segment_ids), np.int64))
     if not len(ids):
@@ -108,22 +108,22 @@ def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> list[int
 
 
 def _combine(session: Session, ids: Ints) -> list[int]:
-    """The same of segments of which others than the network say something: there is always something published."""
+    """The same for segments with estimates of slope-only drives, which always have something to publish."""
     if not len(ids):
         return []
     columns: dict[str, list[Any]] = {name: [] for name in _NAMES}
     for segment_id, group in groupby(
         session.execute(_PARTS, {"ids": ids, "of_terrain": list(OF_TERRAIN)}), key=lambda row: row.segment_id
     ):
-        whole = published_slope([_part(row) for row in group])
+        combined = published_slope([_part(row) for row in group])
         columns["segment_id"].append(segment_id)
         for name in _NAMES[1:]:
-            columns[name].append(getattr(whole, name))
+            columns[name].append(getattr(combined, name))
     return list(session.execute(_WRITE_AGGREGATES, columns).scalars())
 
 
 def left_over(session: Session) -> list[int]:
-    """Segments with a published slope that rests on nothing any more, nor will when the drives that wait are done."""
+    """Segments whose published slope rests on nothing any more, and on no drive that waits."""
     return list(session.execute(_LEFT_OVER).scalars())
 
 

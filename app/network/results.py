@@ -1,10 +1,10 @@
-"""What one drive says of the segments: stored, replaced, taken back, and what has to be solved on account of it marked.
+"""Stores, replaces and removes what one drive says of segments, and marks the cells that have to be solved for it.
 
-How a drive comes to say so is not known here, nor what is shown of a segment (``app.map.store``), nor when it is solved
-(``app.network.swap``).
+How a drive is computed is not known here, nor what is shown of a segment (``app.map.store``), nor when a cell is
+solved (``app.network.swap``).
 
-The rule that keeps the map right whatever runs at the same time: what drives say is only ever stored together with
-marks of the cells that it touches, and a cell is solved from everything that is stored.
+One rule keeps the map right whatever runs at the same time: what a drive says is always stored together with marks of
+the cells that it touches, and a cell is solved from everything that is stored.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from app.core.db import plain_json
 from app.network.duplicates import decide_duplicates, duplicates_of
 from app.network.locks import own_hours, share_network
 from app.network.marks import MarkedBy, append_marks
-from app.network.passes import moments_of, replace_passes
+from app.network.passes import entry_seconds, replace_passes
 from fusion.network.duplicates import LONGEST_ENTRY_S
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats, Ints, SegmentSlope
@@ -41,14 +41,14 @@ class RunProvenance:
     road_version_id: int
     dem_version_id: int | None
     road_state: int | None = None
-    """Of the cells that the roads were taken from, the highest (``app.network.road_states``)"""
+    """The highest state of the cells whose roads were read (``app.network.road_states``)"""
 
 
 # The published slopes of these segments may rest on the drive: on its own estimates or, until it is computed again, on
-# what it said in a former model. What it says to the network is heard by its passes.
+# estimates of a former model. What it contributes to the network is in its passes.
 _DELETE_ESTIMATES = text("DELETE FROM drive_segments WHERE drive_id = :drive_id RETURNING segment_id")
 _DELETE_PROVENANCE = text("DELETE FROM provenances WHERE drive_id = :drive_id")
-_IS_HEARD = text("SELECT duplicate_of IS NULL FROM drives WHERE id = :drive_id")
+_COUNTS = text("SELECT duplicate_of IS NULL FROM drives WHERE id = :drive_id")
 
 _INSERT_PROVENANCE = text(
     """
@@ -73,12 +73,12 @@ _INSERT_ESTIMATES = text(
 
 
 def begin_change(session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor] = ()) -> None:
-    """Keep out imports, and drives that can be the same as this one, before the drive's row is taken.
+    """Keep out imports, and drives that can be duplicates of this one, before the drive's row is locked.
 
-    ``factors`` are those that the drive is about to say; what it said counts as well.
+    ``factors`` are those that the drive is about to store; its stored passes count as well.
     """
     share_network(session)
-    own_hours(session, {f.first_time_s for f in factors} | moments_of(session, drive_id), LONGEST_ENTRY_S)
+    own_hours(session, {f.first_time_s for f in factors} | entry_seconds(session, drive_id), LONGEST_ENTRY_S)
 
 
 def append_result(
@@ -92,30 +92,30 @@ def append_result(
     *,
     delay_s: float = 0.0,
 ) -> list[int]:
-    """Replace what the drive says, and mark what has to be solved for it, within ``delay_s``; the cells marked.
+    """Replace what the drive says, and mark the cells that have to be solved for it within ``delay_s``; these cells.
 
     ``segment_ids`` maps the segments of estimates and factors (indices into the network of the run) to the
-    database's ids. ``epoch_s`` are the times of the log's positions (e,): without them two logs of one drive are
-    told by their entries into segments alone. An estimate whose slope or sigma is not finite says nothing and is left
-    out. The caller has begun the change (``begin_change``) and holds the drive's row.
+    database's ids. ``epoch_s`` are the times of the log's positions (e,); without them two logs of one drive are
+    recognised by their entries into segments alone. Estimates whose slope or sigma is not finite are left out. The
+    caller has begun the change (``begin_change``) and holds the drive's row.
     """
-    known = [e for e in estimates if np.isfinite(e.slope_percent) and np.isfinite(e.slope_sigma_percent)]
-    ids = [int(segment_ids[e.segment]) for e in known]
-    former = _forget_estimates(session, drive.drive_id)
+    finite = [e for e in estimates if np.isfinite(e.slope_percent) and np.isfinite(e.slope_sigma_percent)]
+    ids = [int(segment_ids[e.segment]) for e in finite]
+    former = _delete_estimates(session, drive.drive_id)
     provenance_id = _insert_provenance(session, drive.drive_id, provenance)
-    if known:
-        _insert_estimates(session, drive.drive_id, provenance_id, ids, known, bool(factors))
-    touched = _exchange(session, drive.drive_id, in_database(factors, segment_ids), epoch_s)
+    if finite:
+        _insert_estimates(session, drive.drive_id, provenance_id, ids, finite, bool(factors))
+    touched = _replace_evidence(session, drive.drive_id, in_database(factors, segment_ids), epoch_s)
     return append_marks(session, touched, [*former, *(() if factors else ids)], drive, delay_s)
 
 
 def append_removal(session: Session, drive: MarkedBy) -> list[int]:
-    """Take back all that the drive says, and mark what has to be solved for it; the cells marked.
+    """Remove all that the drive says, and mark the cells that have to be solved for it; these cells.
 
     The caller has begun the change (``begin_change``) and holds the drive's row.
     """
-    former = _forget_estimates(session, drive.drive_id)
-    touched = _exchange(session, drive.drive_id, [], _NO_EPOCHS)
+    former = _delete_estimates(session, drive.drive_id)
+    touched = _replace_evidence(session, drive.drive_id, [], _NO_EPOCHS)
     return append_marks(session, touched, former, drive)
 
 
@@ -124,18 +124,18 @@ def in_database(factors: Sequence[PassFactor], segment_ids: Ints) -> list[PassFa
     return [factor.over(int(segment_ids[factor.segment])) for factor in factors]
 
 
-def _exchange(
+def _replace_evidence(
     session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor], epoch_s: Floats
 ) -> set[int]:
-    """Exchange the drive's passes; the segments around which this changes what is heard."""
-    was_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
+    """Replace the drive's passes; the segments around which this changes the evidence."""
+    counted = session.execute(_COUNTS, {"drive_id": drive_id}).scalar_one()
     changed = replace_passes(session, drive_id, factors, epoch_s)
     others = decide_duplicates(session, {drive_id, *duplicates_of(session, drive_id)})
-    is_heard = session.execute(_IS_HEARD, {"drive_id": drive_id}).scalar_one()
-    return {*(changed if was_heard or is_heard else ()), *others}
+    counts = session.execute(_COUNTS, {"drive_id": drive_id}).scalar_one()
+    return {*(changed if counted or counts else ()), *others}
 
 
-def _forget_estimates(session: Session, drive_id: uuid.UUID) -> list[int]:
+def _delete_estimates(session: Session, drive_id: uuid.UUID) -> list[int]:
     """Delete the drive's estimates; their segments."""
     former = list(session.execute(_DELETE_ESTIMATES, {"drive_id": drive_id}).scalars())
     session.execute(_DELETE_PROVENANCE, {"drive_id": drive_id})
@@ -160,7 +160,7 @@ def _insert_estimates(
     drive_id: uuid.UUID,
     provenance_id: int,
     ids: list[int],
-    known: Sequence[SegmentSlope],
+    estimates: Sequence[SegmentSlope],
     in_network: bool,
 ) -> None:
     session.execute(
@@ -170,11 +170,11 @@ def _insert_estimates(
             "provenance_id": provenance_id,
             "in_network": in_network,
             "segment_id": np.array(ids),
-            "slope": np.array([e.slope_percent for e in known], float),
-            "sigma": np.array([e.slope_sigma_percent for e in known], float),
-            "observations": np.array([e.observations for e in known]),
-            "passes": np.array([e.passes for e in known]),
-            "first_at": np.array([e.first_time_s for e in known], float),
-            "last_at": np.array([e.last_time_s for e in known], float),
+            "slope": np.array([e.slope_percent for e in estimates], float),
+            "sigma": np.array([e.slope_sigma_percent for e in estimates], float),
+            "observations": np.array([e.observations for e in estimates]),
+            "passes": np.array([e.passes for e in estimates]),
+            "first_at": np.array([e.first_time_s for e in estimates], float),
+            "last_at": np.array([e.last_time_s for e in estimates], float),
         },
     )

@@ -1,8 +1,8 @@
-"""Which roads stand in a cell: numbers that grow with every change of them, so that nobody works on by former ones.
+"""The state of the roads of each cell: a number that grows with every change, so that nobody works on with old roads.
 
-An import changes roads in many short steps (``app.roads.changing``), and a step is named by one number: that of the
-import in the upper bits. Cells say which step changed the roads that meet them last. Whoever keeps roads in memory
-(``road_squares``), or computes a drive on them, compares the numbers of the cells that it has read.
+An import changes roads in many short steps (``app.roads.changing``). The number of a step has that of the import in its
+upper bits, and each cell holds the step that last changed a road in it. Whoever caches roads (``cell_roads``), or
+computes a drive on them, compares the numbers of the cells that were read.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ STEP_BITS = 20
 LAST_STEP = (1 << STEP_BITS) - 1
 
 WIDE = -1
-"""Stands for all cells: a line that is as long as ten of them is said to have changed everywhere."""
+"""Stands for all cells: a line that is as long as ten of them counts as changed everywhere."""
 _WIDE_CELLS = 100
 
 _STATES = text("SELECT id, road_state FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id")
 
-# By boxes, for so they are read, and a little wider: indexes know them in single precision.
+# By boxes, as roads are read, and a little wider: indexes hold boxes in single precision.
 _MET = text(
     """
     WITH corner AS (
@@ -34,11 +34,11 @@ _MET = text(
     SELECT DISTINCT (x << 14) | y
     FROM box, generate_series(x0, x1) AS x, generate_series(y0, y1) AS y
     WHERE (x1 - x0 + 1) * (y1 - y0 + 1) <= :wide
-    UNION ALL SELECT :every WHERE EXISTS (SELECT FROM box WHERE (x1 - x0 + 1) * (y1 - y0 + 1) > :wide)
+    UNION ALL SELECT :all_cells WHERE EXISTS (SELECT FROM box WHERE (x1 - x0 + 1) * (y1 - y0 + 1) > :wide)
     """
 )
 
-# With the versions of cells (``cells``), in one order, so that two who write them do not wait for each other.
+# Together with the versions of cells, in one order, so that two writers do not deadlock.
 _RAISE = text(
     """
     INSERT INTO cells AS c (id, version, road_state, course_state)
@@ -46,7 +46,7 @@ _RAISE = text(
     FROM (SELECT id, bool_or(kind = 0) AS shown, bool_or(kind = 1) AS met, bool_or(kind = 2) AS course
           FROM (SELECT unnest(CAST(:shown AS integer[])) AS id, 0 AS kind
                 UNION ALL SELECT unnest(CAST(:met AS integer[])), 1
-                UNION ALL SELECT unnest(CAST(:courses AS integer[])), 2) AS said
+                UNION ALL SELECT unnest(CAST(:courses AS integer[])), 2) AS change
           GROUP BY id) AS one
     ORDER BY id
     ON CONFLICT (id) DO UPDATE
@@ -58,27 +58,27 @@ _RAISE = text(
 
 
 def state_of(version_id: int, step: int) -> int:
-    """The number of a step of an import of roads; those of later steps and imports are higher."""
+    """The number of a step of an import of roads; later steps and imports have higher ones."""
     return version_id << STEP_BITS | min(step, LAST_STEP)
 
 
 def cells_met(session: Session, segment_ids: Collection[int]) -> set[int]:
-    """The cells in which segments are read, perhaps ``WIDE``."""
-    values = {"ids": list(segment_ids), "wide": _WIDE_CELLS, "every": WIDE}
+    """The cells with which segments are read, perhaps ``WIDE``."""
+    values = {"ids": list(segment_ids), "wide": _WIDE_CELLS, "all_cells": WIDE}
     return set(session.execute(_MET, values).scalars())
 
 
 def raise_roads(
     session: Session, state: int, *, shown: Collection[int], met: Collection[int], courses: Collection[int]
 ) -> None:
-    """Say of cells that what is ``shown`` of them has changed; that roads have that are read with them (``met``); and
-    that a drive there would notice (``courses``)."""
+    """Note the cells of which something ``shown`` has changed, those with whose roads it is read (``met``), and those
+    in which a drive would notice it (``courses``)."""
     values = {"shown": sorted(shown), "met": sorted(met), "courses": sorted(courses), "state": state}
     session.execute(_RAISE, values)
 
 
 def road_states(session: Session, cells: Collection[int]) -> dict[int, int]:
     """The state of the roads that meet each of these cells."""
-    found = {row.id: row.road_state for row in session.execute(_STATES, {"ids": [WIDE, *cells]})}
-    everywhere = found.get(WIDE, 0)
-    return {cell: max(found.get(cell, 0), everywhere) for cell in cells}
+    states = {row.id: row.road_state for row in session.execute(_STATES, {"ids": [WIDE, *cells]})}
+    everywhere = states.get(WIDE, 0)
+    return {cell: max(states.get(cell, 0), everywhere) for cell in cells}

@@ -1,4 +1,4 @@
-"""The whole network settled: each cell solved in a wide window of stored passes, from nothing else, in any order.
+"""Settles the network: solves each cell anew in a wide subnetwork, from stored passes alone, in any order.
 
 What it makes is what the drives made one by one, to a tenth of a sigma, and the same whatever came first. It is wanted
 in the background once drives have come and gone, after an elevation import, which changes no slope by itself, after a
@@ -20,7 +20,7 @@ from app.network.locks import cell_claims
 from app.network.solve import settle_cell
 from app.network.swap import (
     BusyError,
-    Found,
+    Proposal,
     condense_old_passes,
     log_solution,
     shown_cells,
@@ -32,8 +32,8 @@ from fusion.types import Progress, no_progress
 _WAIT_S = 0.1
 _TRIES = 100
 
-# Each stage is made anew wherever it is or ought to be: what lost its ground must go. Of the passes over a segment one
-# is looked at, however many there were.
+# Slopes are renewed where they are and where they should be: those without evidence must go. Of the passes over a
+# segment one is read, however many there are.
 _DRIVEN = """
     SELECT s.id AS segment_id FROM segments AS s, LATERAL (
         SELECT FROM drive_passes WHERE segment_id = s.id AND partition = versant_partition(s.cell)
@@ -68,23 +68,23 @@ def settle_network(
     progress: Progress = no_progress,
     *,
     after_cell: int = -1,
-    told: Callable[[int], None] = lambda _: None,
+    note_done: Callable[[int], None] = lambda _: None,
 ) -> int:
-    """Make slopes and aggregates anew, cell by cell; returns the number of segments of the network.
+    """Renew slopes and aggregates cell by cell; returns the number of segments of the network.
 
-    Drives come and go meanwhile, and one that is cut off leaves a network that is right throughout. Run it again to go
-    on; with ``after_cell``, the last cell that ``told`` heard of, it goes on there.
+    Drives may come and go meanwhile, and an interrupted run leaves a correct network. To continue one, pass the last
+    cell that ``note_done`` was called with as ``after_cell``.
     """
     with sessions() as session:
-        cells = session.execute(_CELLS).all()
-    for done, cell in enumerate(cells):
-        if cell.cell <= after_cell:
+        rows = session.execute(_CELLS).all()
+    for done, row in enumerate(rows):
+        if row.cell <= after_cell:
             continue
-        progress("slopes", done / len(cells))
-        _settle(sessions, cell.cell)
-        told(cell.cell)
+        progress("slopes", done / len(rows))
+        _settle(sessions, row.cell)
+        note_done(row.cell)
     progress("slopes", 1.0)
-    return sum(cell.in_network for cell in cells)
+    return sum(row.in_network for row in rows)
 
 
 def settle_about(sessions: Sessions, segment_ids: Collection[int], progress: Progress = no_progress) -> None:
@@ -98,7 +98,7 @@ def settle_about(sessions: Sessions, segment_ids: Collection[int], progress: Pro
 
 
 def settle_due(sessions: Sessions, age_s: float) -> bool:
-    """Settle the cell that has waited longest of those that have for ``age_s``; whether there was one."""
+    """Settle the cell that has waited longest, if it has waited for ``age_s``; whether there was one."""
     with sessions() as session:
         due = unsettled(session, age_s, 1)
     for cell in due:
@@ -114,31 +114,31 @@ def _settle(sessions: Sessions, cell: int) -> None:
             for attempt in range(_TRIES):
                 started_s = time.monotonic()
                 if claims.take(cell):
-                    found = _find(sessions, cell)
-                    if swap(sessions, found, 0.0, settled=True):
-                        log_solution("settled", found, 1, time.monotonic() - started_s, attempt + 1)
-                        condense_old_passes(sessions, found)
+                    proposal = _propose(sessions, cell)
+                    if swap(sessions, proposal, 0.0, settled=True):
+                        log_solution("settled", proposal, 1, time.monotonic() - started_s, attempt + 1)
+                        condense_old_passes(sessions, proposal)
                         return
                     SWAP_CONFLICTS.count("settled")
                 time.sleep(_WAIT_S)
-        raise BusyError(f"{_TRIES} times others were at work in the same cell")
+        raise BusyError(f"Others were solving the same cell, {_TRIES} times in a row.")
     except Exception:
         with sessions.begin() as session:
             unsettle(session, [cell])
         raise
 
 
-def _find(sessions: Sessions, cell: int) -> Found:
-    """One cell, from what is stored alone. What lies in another cell of the network is left to that."""
+def _propose(sessions: Sessions, cell: int) -> Proposal:
+    """Solve one cell from what is stored alone. Segments of other cells of the network are left to these."""
     with snapshot(sessions) as session:
         published = set(session.execute(_PUBLISHED_OF_CELL, {"cell": cell}).scalars())
         ids = session.execute(_IN_NETWORK_OF_CELL, {"cell": cell}).scalars().all()
         if not ids:
             versions = versions_of(session, cells_over(session, published))
-            return Found([], published, None, np.zeros(0, bool), versions)
+            return Proposal([], published, None, np.zeros(0, bool), versions)
         solution = settle_cell(session, ids)
         around = solution.around
         others = np.unique(around.cell[around.driven | (around.drives >= 0)])
-        shown = solution.window.published & ((around.cell == cell) | ~np.isin(around.cell, others))
+        shown = solution.subnetwork.published & ((around.cell == cell) | ~np.isin(around.cell, others))
         versions = shown_cells(session, solution, shown, published)
-    return Found([], published, solution, shown, versions)
+    return Proposal([], published, solution, shown, versions)

@@ -30,8 +30,8 @@ _LINES = text(
     """
 )
 
-# A segment is driven where a drive that is heard has a pass; the first that is found will do. Passes are looked at
-# before drives, whatever the planner thinks of tables that have grown since (OFFSET 0 keeps it from that).
+# A segment is driven where a drive that is no duplicate has a pass; the first one is enough. OFFSET 0 makes the planner
+# look at passes before drives, whatever it believes of tables that have grown since.
 KNOWN = """
     SELECT s.id, coalesce(p.driven, false) AS driven, coalesce(n.drives, -1), n.slope_percent, n.slope_sigma_percent
     FROM unnest(%(ids)s) AS s (id)
@@ -72,8 +72,8 @@ def surroundings(session: Session, touched: Collection[int], scale: float) -> Su
     boxes = boxes_around(lon0, lat0, lon1, lat1, scale * SOLVE_RADIUS_M)
     roads = roads_in(session, boxes)
     row = np.argsort(roads.ids)
-    known = fetch_binary(session, KNOWN, {"ids": roads.ids, "partitions": partitions_around(roads.cell)})
-    ids, driven, drives, slope, sigma = zip(*known, strict=True) if known else ((),) * 5
+    rows = fetch_binary(session, KNOWN, {"ids": roads.ids, "partitions": partitions_around(roads.cell)})
+    ids, driven, drives, slope, sigma = zip(*rows, strict=True) if rows else ((),) * 5
     at = row[np.searchsorted(roads.ids, np.array(ids, np.int64), sorter=row)]
     n = len(roads.ids)
     return Surroundings(
@@ -96,12 +96,12 @@ def _spread(n: int, at: Ints, values: NDArray[Any], otherwise: float) -> NDArray
 
 def stored_terrain(session: Session, table: RoadTable, ids: Ints) -> Terrain | None:
     """Heights of the elevation model at the knots of ``table``, whose segments have these ids; None: there are none."""
-    found = dict(fetch_binary(session, _HEIGHTS, {"ids": ids.tolist()}))
-    if not found:
+    stored = dict(fetch_binary(session, _HEIGHTS, {"ids": ids.tolist()}))
+    if not stored:
         return None
     count = interval_count(knot_length(table.length_m)) + 1
     heights = [
-        np.asarray(found[i], float) if i in found and len(found[i]) == n else np.full(n, np.nan)
+        np.asarray(stored[i], float) if i in stored and len(stored[i]) == n else np.full(n, np.nan)
         for i, n in zip(ids.tolist(), count.tolist(), strict=True)
     ]
     return heights_at(np.concatenate(heights))

@@ -1,7 +1,7 @@
-"""What is marked, solved and put in the place of what stood there: on a snapshot, outside of any lock.
+"""Solves marked cells on a snapshot, outside of any lock, and swaps the new slopes in.
 
-A solver takes cells for itself, reads in one snapshot, solves, and writes in one short transaction, if no other has
-written in those cells since; else it does all again with what came. It may die at any moment: the marks stay.
+A solver claims cells, reads in one snapshot, solves, and writes in one short transaction if nobody has written in those
+cells since; otherwise it starts again with what is new. It may die at any moment: the marks stay.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from app.core.telemetry.measures import CELLS_SOLVED, SOLVE_S, SQUARES_SOLVED, S
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
 from app.network.condensed import AT_ONCE, condense, condensed_by_drive, portions
 from app.network.locks import CellClaims, cell_claims, try_share_network
-from app.network.marks import Marked, Waiting, count_cells, marked_in, note_try, take_away, waiting_cells
+from app.network.marks import Marked, Waiting, count_cells, delete_marks, marked_in, note_try, waiting_cells
 from app.network.passes import partitions_of, set_accepted
 from app.network.publish import refresh_aggregates
 from app.network.slopes import clear_slopes, write_slopes
@@ -34,62 +34,62 @@ from fusion.types import Bools, Progress, no_progress
 logger = logging.getLogger(__name__)
 
 TOLERANCE_SIGMAS = 1e-3
-"""Smaller changes are not written: what is stored stays within it of what was found, however often."""
+"""Smaller changes are not written: a stored slope stays within it of the last solution, however many there are."""
 
 MOST_CELLS = 16
 """Cells solved together: those of a drive of ten kilometres."""
 MOST_TOUCHED = 4000
-"""Touched segments, each as often as it was marked, after which no further cell is taken."""
+"""No further cell is claimed beyond so many touched segments, each counted as often as it is marked."""
 
 _TRIES = 20
 _PAUSE_S = 0.02
-"""Before another try, a few times as long each: swaps take some tens of milliseconds."""
+"""The pause before another try, which grows: swaps take some tens of milliseconds."""
 _IMPORT_PAUSE_S = 0.2
-"""Imports own the network again and again, for a tenth of a second."""
+"""Imports own the network repeatedly, for a tenth of a second."""
 _LOCK_WAIT = text("SET LOCAL lock_timeout = '50ms'")
-"""Cells are had at once or not at all; rows of their segments are theirs. What is left is whoever writes beside the
-service, and two that make the row of the same cell."""
+"""Cells are locked at once or not at all, and rows of their segments with them. Waits remain for writers beside the
+service, and for two that insert the row of the same cell."""
 _OTHERS_WRITE = frozenset({"55P03", "40P01"})
-"""PostgreSQL's codes for a lock that was not had in time, and for two that waited for each other."""
+"""PostgreSQL's codes of a lock timeout and of a deadlock."""
 
 
-def _nobody() -> None:
-    """Tells nobody."""
+def _ignore() -> None:
+    """The callback of whoever wants none."""
 
 
 class BusyError(Exception):
-    """Others were quicker again and again; what was to be written is still marked."""
+    """Others wrote first, again and again; the cells are still marked."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """What one snapshot yielded, and what has to stand as it did there when it is written."""
+class Proposal:
+    """What one snapshot yields, to be written if its cells still have these versions."""
 
     marks: list[int]
     combined: set[int]
     solution: Solution | None
     shown: Bools
     versions: dict[int, int] = field(default_factory=dict)
-    """Of all cells in which anything of it is shown; imports raise those in which they change a road, too."""
+    """Of all cells in which anything of it is shown. Imports raise those in which they change a road, too."""
 
 
 def solve_marked(
     sessions: Sessions,
     *,
     only_due: bool = True,
-    more: Callable[[], None] = _nobody,
-    published: Callable[[], object] = _nobody,
+    more: Callable[[], None] = _ignore,
+    published: Callable[[], object] = _ignore,
 ) -> int:
-    """Take marked cells that no other solver has, solve and publish them; of how many.
+    """Claim marked cells that no other solver has, solve and publish them; returns how many.
 
-    ``only_due``: nothing is begun where no mark is due; then all that is marked near by is taken along. ``more`` is
-    called before anything is solved if there is work for another solver, ``published`` when the map is up to date and
-    only old passes are left to be summed.
+    With ``only_due`` a solver begins where a mark is due, and takes what is marked near by along. ``more`` is called
+    before it solves if there is work for another solver, ``published`` when the map is up to date and only old passes
+    are left to be condensed.
     """
     with cell_claims(sessions) as claims:
         with sessions() as session:
             waiting = waiting_cells(session)
-        cells = _take(claims, waiting, only_due)
+        cells = _claim(claims, waiting, only_due)
         if cells:
             if any((w.due or not only_due) and w.cell not in cells for w in waiting):
                 more()
@@ -100,32 +100,32 @@ def solve_marked(
 
 
 def publish_cells(
-    sessions: Sessions, cells: Collection[int], published: Callable[[], object] = _nobody
+    sessions: Sessions, cells: Collection[int], published: Callable[[], object] = _ignore
 ) -> None:
-    """Solve all that is marked in these cells, which the caller has taken, and swap it in."""
+    """Solve all that is marked in these cells, which the caller has claimed, and swap it in."""
     for attempt in range(_TRIES):
         started_s = time.monotonic()
         with snapshot(sessions) as session:
-            found = _find(session, marked_in(session, cells))
-        if swap(sessions, found):
-            log_solution("marked", found, len(cells), time.monotonic() - started_s, attempt + 1)
+            proposal = _propose(session, marked_in(session, cells))
+        if swap(sessions, proposal):
+            log_solution("marked", proposal, len(cells), time.monotonic() - started_s, attempt + 1)
             published()
-            condense_old_passes(sessions, found)
+            condense_old_passes(sessions, proposal)
             return
         SWAP_CONFLICTS.count("marked")
-        logger.debug("%d cells changed while they were solved; again", len(cells))
+        logger.debug("%d cells changed while they were solved; solving them again", len(cells))
         time.sleep(_PAUSE_S * random.uniform(0.5, 1.5) * min(attempt + 1, 5))  # noqa: S311 - no secret
         _await_network(sessions)
-    raise BusyError(f"{_TRIES} times others wrote in the same cells first")
+    raise BusyError(f"Others wrote in the same cells first, {_TRIES} times in a row.")
 
 
-def log_solution(kind: str, found: Found, cells: int, took_s: float, tries: int) -> None:
-    """Count and log what was solved and written; which cells it was is nobody's business: somebody drove there."""
+def log_solution(kind: str, proposal: Proposal, cells: int, took_s: float, tries: int) -> None:
+    """Count and log a solution, without the names of its cells: they would tell where somebody drove."""
     SOLVE_S.observe(took_s, kind)
     CELLS_SOLVED.count(kind, by=cells)
     SQUARES_SOLVED.count(kind, by=cells)
-    segments = 0 if found.solution is None else int(found.shown.sum())
-    marks = len(found.marks) or None
+    segments = 0 if proposal.solution is None else int(proposal.shown.sum())
+    marks = len(proposal.marks) or None
     tell(
         logger,
         "cells solved",
@@ -139,7 +139,7 @@ def log_solution(kind: str, found: Found, cells: int, took_s: float, tries: int)
 
 
 def _await_network(sessions: Sessions) -> None:
-    """Until no import owns the network: what is solved meanwhile is out of date when it ends."""
+    """Wait until no import owns the network: a solution of that time is out of date at its end."""
     while True:
         with sessions.begin() as session:
             if try_share_network(session):
@@ -156,7 +156,7 @@ def snapshot(sessions: Sessions) -> Iterator[Session]:
 
 
 def solve_all_marked(sessions: Sessions, progress: Progress = no_progress) -> None:
-    """Solve until nothing is marked any more, beside other solvers; what they have taken is waited for."""
+    """Solve until nothing is marked any more, beside other solvers, and wait for the cells that they have claimed."""
     most = 1
     while True:
         with sessions() as session:
@@ -168,7 +168,7 @@ def solve_all_marked(sessions: Sessions, progress: Progress = no_progress) -> No
         try:
             solved = solve_marked(sessions, only_due=False)
         except BusyError:
-            logger.info("cells that others write in are tried again", exc_info=True)
+            logger.info("retrying cells in which others write", exc_info=True)
             continue
         if not solved:
             time.sleep(_PAUSE_S)
@@ -182,30 +182,31 @@ def shown_cells(
 
 
 def swap(
-    sessions: Sessions, found: Found, tolerance_sigmas: float = TOLERANCE_SIGMAS, *, settled: bool = False
+    sessions: Sessions,
+    proposal: Proposal,
+    tolerance_sigmas: float = TOLERANCE_SIGMAS,
+    *,
+    settled: bool = False,
 ) -> bool:
-    """Write what was found, in one short transaction; False: it is out of date, or others are writing there just now.
+    """Write a proposal in one short transaction; False: it is out of date, or others write there just now.
 
-    Cells of which anything shown changed get a new version, and are noted as not ``settled``, with those around.
+    Cells in which anything shown changes get a new version and, unless this is ``settled``, wait to be settled, with
+    those around them.
     """
     try:
         with sessions.begin() as session:
             session.execute(_LOCK_WAIT)
             if not try_share_network(session):
                 return False
-            if lock_cells(session, found.versions) != found.versions:
+            if lock_cells(session, proposal.versions) != proposal.versions:
                 return False
-            solved = (
-                ()
-                if found.solution is None
-                else _write(session, found.solution, found.shown, tolerance_sigmas)
-            )
-            changed = refresh_aggregates(session, [*solved, *found.combined])
+            solved = _write(session, proposal, tolerance_sigmas)
+            changed = refresh_aggregates(session, [*solved, *proposal.combined])
             cells = cells_over(session, changed) if changed else []
             raise_versions(session, cells)
             if not settled:
                 unsettle(session, cells)
-            take_away(session, found.marks)
+            delete_marks(session, proposal.marks)
     except OperationalError as error:
         if getattr(error.orig, "sqlstate", None) in _OTHERS_WRITE:
             return False
@@ -213,31 +214,31 @@ def swap(
     return True
 
 
-def condense_old_passes(sessions: Sessions, found: Found) -> None:
-    """After a swap: what the solution had beyond the juries of its segments goes into their sums, as it counted there.
+def condense_old_passes(sessions: Sessions, proposal: Proposal) -> None:
+    """After a swap: condense the passes of the solution that are no longer recent, with their weights in it.
 
-    Where others are in the way it is left to the next solution, which reads that much more.
+    Where others hold a lock the passes are left to the next solution, which reads that much more.
     """
-    old = [] if found.solution is None else found.solution.old_passes(found.shown)
+    old = [] if proposal.solution is None else proposal.solution.old_passes(proposal.shown)
     if not old:
         return
     try:
         with sessions() as session:
-            made = condensed_by_drive(session, old)
+            contributions = condensed_by_drive(session, old)
             partitions = partitions_of(session, {p.factor.segment for p in old})
         for portion in portions(old, AT_ONCE):
             with sessions.begin() as session:
                 session.execute(_LOCK_WAIT)
                 if try_share_network(session):
-                    condense(session, portion, made, partitions)
+                    condense(session, portion, contributions, partitions)
     except OperationalError as error:
         if getattr(error.orig, "sqlstate", None) not in _OTHERS_WRITE:
             raise
-        logger.debug("others were in the way of sums over %d passes", len(old))
+        logger.debug("%d old passes are not condensed yet: others hold a lock", len(old))
 
 
-def _take(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[int]:
-    """The first cell that can be had, and marked ones about it as long as they are few."""
+def _claim(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[int]:
+    """Claim the first cell that is free, and marked ones around it as long as they are few."""
     marked = {w.cell: w for w in waiting}
     for first in waiting:
         if (first.due or not only_due) and claims.take(first.cell):
@@ -256,28 +257,30 @@ def _take(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[int
     return claims.cells
 
 
-def _find(session: Session, marked: Marked) -> Found:
+def _propose(session: Session, marked: Marked) -> Proposal:
     if not marked.touched:
         versions = versions_of(session, cells_over(session, marked.combined))
-        return Found(marked.marks, marked.combined, None, np.zeros(0, bool), versions)
+        return Proposal(marked.marks, marked.combined, None, np.zeros(0, bool), versions)
     solution, shown = solve_around(session, marked.touched)
     versions = shown_cells(session, solution, shown, marked.combined)
-    return Found(marked.marks, marked.combined, solution, shown, versions)
+    return Proposal(marked.marks, marked.combined, solution, shown, versions)
 
 
-def _write(session: Session, solution: Solution, shown: Bools, tolerance_sigmas: float) -> list[int]:
-    """Write the slopes of the rows that are ``shown`` and the verdicts over their passes; ids whose slope changed."""
+def _write(session: Session, proposal: Proposal, tolerance_sigmas: float) -> list[int]:
+    """Write the slopes of the rows that are shown, and which of their passes are accepted; ids whose slope changed."""
+    solution, shown = proposal.solution, proposal.shown
+    if solution is None:
+        return []
     around, result = solution.around, solution.result
     gone = shown & (around.drives >= 0)
     if result is None:
         return clear_slopes(session, around.ids[gone].tolist())
-    solved = np.flatnonzero(solution.window.solved)
+    solved = np.flatnonzero(solution.subnetwork.solved)
     usable = np.isfinite(result.slope_percent) & np.isfinite(result.slope_sigma_percent) & shown[solved]
     rows = solved[usable]
     gone[rows] = False
     mine = set(around.ids[shown].tolist())
-    heard = [(p, good) for p, good in solution.heard() if p.factor.segment in mine]
-    turned = [(p, good) for p, good in heard if p.accepted != good]
+    turned = [(p, good) for p, good in solution.accepted() if p.factor.segment in mine and p.accepted != good]
     set_accepted(session, [p for p, good in turned if good], [p for p, good in turned if not good])
     drives = solution.accepted_drives()
     ids = around.ids[rows].tolist()

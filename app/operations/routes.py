@@ -116,15 +116,15 @@ async def ask_for_operation(
     refuse_unknown(request, {"kind", *set().union(*TAKEN.values())}, BadRequestError)
     given = {"region": region, "priority": priority, "name": name, "filename": filename}
     _require_fitting(kind, given)
-    asked = {name: value for name, value in given.items() if value is not None and name != "filename"}
-    await run_in_threadpool(_check, service, kind, asked)
+    parameters = {name: value for name, value in given.items() if value is not None and name != "filename"}
+    await run_in_threadpool(_check, service, kind, parameters)
     received = None
     if kind in WITH_FILE:
         await run_in_threadpool(_require_place, service, request.headers.get("content-length", ""))
         received = await receive_file(
             request, BlobStore(service.settings.blob_store_url, IMPORTS), service.settings
         )
-    operation = await run_in_threadpool(_asked, service, origin, kind, asked, received)
+    operation = await run_in_threadpool(_add_operation, service, origin, kind, parameters, received)
     response.headers["Location"] = operation_address(base, operation)
     return linked(base, operation)
 
@@ -147,7 +147,7 @@ def list_operations(
 def get_operation(operation_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Operation:
     """Where it stands, what it would do, what it did, or why it failed."""
     with service.reading() as session:
-        return linked(base, _found(session, operation_id))
+        return linked(base, _get(session, operation_id))
 
 
 @router.post(
@@ -167,12 +167,14 @@ def approve_operation(
         if approved is not None:
             audit.note(session, origin, f"{approved.kind} approved", approved.subject, id=str(approved.id))
             return linked(base, approved)
-        known = _found(session, operation_id)
-    if known.approved and known.status in {Status.QUEUED, Status.RUNNING, Status.DONE}:
-        return linked(base, known)
-    if known.status in {Status.QUEUED, Status.RUNNING}:
-        raise NotDoneError(f"Operation {operation_id} is {known.status}: there is no plan to approve yet.")
-    raise BadRequestError(f"Operation {operation_id} is {known.status}: there is nothing to approve.")
+        operation = _get(session, operation_id)
+    if operation.approved and operation.status in {Status.QUEUED, Status.RUNNING, Status.DONE}:
+        return linked(base, operation)
+    if operation.status in {Status.QUEUED, Status.RUNNING}:
+        raise NotDoneError(
+            f"Operation {operation_id} is {operation.status}: there is no plan to approve yet."
+        )
+    raise BadRequestError(f"Operation {operation_id} is {operation.status}: there is nothing to approve.")
 
 
 @router.delete("/{operation_id}", summary="Cancel an operation", responses=problems(403, 404, 409, 422, 503))
@@ -185,19 +187,21 @@ def cancel_operation(
     with service.sessions.begin() as session:
         cancelled = store.cancel(session, operation_id)
         if cancelled is None:
-            known = _found(session, operation_id)
+            operation = _get(session, operation_id)
         else:
-            known, key = cancelled
-            audit.note(session, origin, f"{known.kind} cancelled", known.subject, id=str(known.id))
+            operation, key = cancelled
+            audit.note(
+                session, origin, f"{operation.kind} cancelled", operation.subject, id=str(operation.id)
+            )
     if cancelled is not None and key is not None:
         BlobStore(service.settings.blob_store_url, IMPORTS).delete(key)
-    if known.status is Status.CANCELLED:
-        return linked(base, known)
-    if known.status in {Status.QUEUED, Status.RUNNING}:
+    if operation.status is Status.CANCELLED:
+        return linked(base, operation)
+    if operation.status in {Status.QUEUED, Status.RUNNING}:
         raise NotDoneError(
             f"Operation {operation_id} is being carried out and goes on to its end; what it has done stays."
         )
-    raise BadRequestError(f"Operation {operation_id} is {known.status}: there is nothing left to cancel.")
+    raise BadRequestError(f"Operation {operation_id} is {operation.status}: there is nothing left to cancel.")
 
 
 def _require_fitting(kind: Kind, given: Mapping[str, Any]) -> None:
@@ -210,7 +214,7 @@ def _require_fitting(kind: Kind, given: Mapping[str, Any]) -> None:
 
 
 def _require_place(service: Service, content_length: str) -> None:
-    """Before a large body comes in vain; the end is said when its file is there."""
+    """Refuse before a large body is received; ``_add_operation`` looks again when its file is there."""
     with service.reading() as session:
         store.require_place(
             session,
@@ -219,32 +223,32 @@ def _require_place(service: Service, content_length: str) -> None:
         )
 
 
-def _check(service: Service, kind: Kind, asked: Mapping[str, Any]) -> None:
+def _check(service: Service, kind: Kind, parameters: Mapping[str, Any]) -> None:
     """``BadRequestError`` for a region or raster that there is not, before any file is taken."""
     try:
-        if "region" in asked:
-            check_name(asked["region"])
+        if "region" in parameters:
+            check_name(parameters["region"])
         with service.reading() as session:
             if kind is Kind.REMOVE_REGION:
-                known_region(session, asked["name"])
+                known_region(session, parameters["name"])
             if kind is Kind.REMOVE_RASTER:
                 active = current_dem(session, service.settings.dem_dir)
-                chosen(active.sources if active else (), [asked["name"]])
+                chosen(active.sources if active else (), [parameters["name"]])
     except (RoadsError, TerrainError) as error:
-        raise BadRequestError(str(error), field="region" if "region" in asked else "name") from error
+        raise BadRequestError(str(error), field="region" if "region" in parameters else "name") from error
 
 
-def _asked(
-    service: Service, origin: str, kind: Kind, asked: dict[str, Any], received: Received | None
+def _add_operation(
+    service: Service, origin: str, kind: Kind, parameters: dict[str, Any], received: Received | None
 ) -> Operation:
     """The operation, with its audit row; a file that is not its own goes."""
     blobs, key = BlobStore(service.settings.blob_store_url, IMPORTS), None
-    subject = asked.get("name") or "map"
+    subject = parameters.get("name") or "map"
     if received is not None:
         key, subject = received.blob.key, received.name
         file = {"filename": PurePosixPath(received.name).name, "size_bytes": received.blob.size_bytes}
-        asked |= {**file, "sha256": received.blob.sha256}
-    kept = False
+        parameters |= {**file, "sha256": received.blob.sha256}
+    is_wanted = False
     try:
         with service.sessions.begin() as session:
             blobs.register_database(database_identity(session))
@@ -252,21 +256,23 @@ def _asked(
                 session,
                 kind=kind.value,
                 subject=subject,
-                request=asked,
+                request=parameters,
                 kept_bytes=service.settings.imports_kept_bytes,
                 blob_key=key,
             )
             if created:
-                audit.note(session, origin, f"{kind.value} asked for", subject, id=str(operation.id), **asked)
-        kept = created
+                audit.note(
+                    session, origin, f"{kind.value} asked for", subject, id=str(operation.id), **parameters
+                )
+        is_wanted = created
     finally:
-        if key is not None and not kept:
+        if key is not None and not is_wanted:
             blobs.delete(key)
     if created:
         tell(logger, "operation asked for", operation=operation.id, kind=kind.value)
     return operation
 
 
-def _found(session: Session, number: uuid.UUID) -> Operation:
+def _get(session: Session, number: uuid.UUID) -> Operation:
     operation: Operation = found(operations.get(session, number), "operation", number)
     return operation

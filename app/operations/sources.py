@@ -152,10 +152,10 @@ def list_rasters(service: ServiceDep, base: BaseUrl) -> RasterList:
 
 def _measured(session: Session, segments: int) -> tuple[dict[str, int], datetime | None]:
     """Driven segments by region, and of which moment; None: of this."""
-    kept = figures.kept(session, "coverage") if segments > FEW_SEGMENTS else None
-    if kept is None:
+    coverage = figures.kept(session, "coverage") if segments > FEW_SEGMENTS else None
+    if coverage is None:
         return driven_by_region(session), None
-    found: dict[str, int] = {}
-    for row in kept.rows:
-        found[row["region"]] = found.get(row["region"], 0) + int(row["driven_segments"])
-    return found, kept.made_at
+    driven_segments: dict[str, int] = {}
+    for row in coverage.rows:
+        driven_segments[row["region"]] = driven_segments.get(row["region"], 0) + int(row["driven_segments"])
+    return driven_segments, coverage.made_at

@@ -191,7 +191,7 @@ def _settle(run: Run) -> Outcome:
             run.sessions,
             run.show,
             after_cell=int(run.request.state.get("cell", -1)),
-            told=lambda cell: note_state(run, cell=cell),
+            note_done=lambda cell: note_state(run, cell=cell),
         )
     return Outcome(
         {"segments": segments, "sentence": f"{segments} segments of the network were solved anew."}

@@ -34,6 +34,19 @@ LABELS = {
     "versant_failures": ("kind",),
 }
 """Of those that are not counted by ``app.core.telemetry.measures``."""
+GAUGES = {
+    "queue_depth": "Drives that wait.",
+    "queue_oldest_wait_seconds": "How long the drive at the head of the queue has waited; 0 while none waits.",
+    "data_version": "Number of the published data.",
+    "cells_waiting": "Cells of the map that wait to be solved.",
+    "cells_unsolved": "Cells of the map that solvers repeatedly failed to solve; /v1/admin/stats names them.",
+    "squares_waiting": "Former name of versant_cells_waiting.",
+    "squares_unsolved": "Former name of versant_cells_unsolved.",
+    "derived_behind_seconds": "How long the oldest change of segments has waited to be shown by ways and low zooms; "
+    "0 while none waits.",
+    "workers": "Processes that take drives from the queue and are alive.",
+}
+"""Gauges without labels: what stands behind ``versant_`` in their names, and their meaning."""
 METHODS = frozenset({"GET", "HEAD", "POST", "DELETE", "OPTIONS", "PUT", "PATCH"})
 
 router = APIRouter(tags=["operation"])
@@ -124,31 +137,28 @@ class Gauges:
     """Figures of one moment."""
 
     drives_by_status: dict[str, int]
-    queue_depth: int
-    oldest_wait_s: float
-    """0 while none waits."""
-    data_version: int
-    cells: store.WaitingCells
-    behind_s: float
-    """0 while nothing waits to be derived."""
     failures_by_kind: dict[str, int]
-    workers: int
+    plain: dict[str, float]
+    """By the names of ``GAUGES``"""
     totals: Totals
 
 
 def read_gauges(session: Session) -> Gauges:
     """The figures of this moment."""
-    queue = store.queue(session)
+    queue, cells = store.queue(session), store.waiting_cells(session)
+    plain = {
+        "queue_depth": queue.depth,
+        "queue_oldest_wait_seconds": queue.oldest_wait_s or 0.0,
+        "data_version": data_version(session),
+        "cells_waiting": cells.waiting,
+        "cells_unsolved": cells.unsolved,
+        "squares_waiting": cells.waiting,
+        "squares_unsolved": cells.unsolved,
+        "derived_behind_seconds": store.behind(session).behind_s or 0.0,
+        "workers": store.workers(session),
+    }
     return Gauges(
-        drives_by_status=store.drives_by_status(session),
-        queue_depth=queue.depth,
-        oldest_wait_s=queue.oldest_wait_s or 0.0,
-        data_version=data_version(session),
-        cells=store.waiting_cells(session),
-        behind_s=store.behind(session).behind_s or 0.0,
-        failures_by_kind=store.failures_by_kind(session),
-        workers=store.workers(session),
-        totals=totals_of_all(session),
+        store.drives_by_status(session), store.failures_by_kind(session), plain, totals_of_all(session)
     )
 
 
@@ -172,32 +182,8 @@ class _DatabaseCollector(Collector):
         for status in DRIVE_STATUSES:
             drives.add_metric([status], gauges.drives_by_status.get(status, 0))
         yield drives
-        yield GaugeMetricFamily("versant_queue_depth", "Drives that wait.", value=gauges.queue_depth)
-        yield GaugeMetricFamily(
-            "versant_queue_oldest_wait_seconds",
-            "How long the drive at the head of the queue has waited; 0 while none waits.",
-            value=gauges.oldest_wait_s,
-        )
-        yield GaugeMetricFamily(
-            "versant_data_version", "Number of the published data.", value=gauges.data_version
-        )
-        waiting, unsolved = gauges.cells
-        yield GaugeMetricFamily(
-            "versant_cells_waiting", "Cells of the map that wait to be solved.", value=waiting
-        )
-        yield GaugeMetricFamily(
-            "versant_cells_unsolved",
-            "Cells of the map that solvers repeatedly failed to solve; /v1/admin/stats names them.",
-            value=unsolved,
-        )
-        for name, value in (("waiting", waiting), ("unsolved", unsolved)):
-            meaning = f"Former name of versant_cells_{name}."
-            yield GaugeMetricFamily(f"versant_squares_{name}", meaning, value=value)
-        yield GaugeMetricFamily(
-            "versant_derived_behind_seconds",
-            "How long the oldest change of segments has waited to be shown by ways and low zooms; 0 while none waits.",
-            value=gauges.behind_s,
-        )
+        for name, meaning in GAUGES.items():
+            yield GaugeMetricFamily(f"versant_{name}", meaning, value=gauges.plain[name])
         failed = GaugeMetricFamily(
             "versant_failures",
             "Drives that are failed now, by the kind of the failure.",
@@ -206,11 +192,6 @@ class _DatabaseCollector(Collector):
         for kind, count in gauges.failures_by_kind.items():
             failed.add_metric([kind], count)
         yield failed
-        yield GaugeMetricFamily(
-            "versant_workers",
-            "Processes that take drives from the queue and are alive.",
-            value=gauges.workers,
-        )
         yield from (_family(measure, gauges.totals) for measure in MEASURES)
 
 

@@ -1,8 +1,8 @@
-"""The steps of an import that write: each a short transaction of the caller, after which everything fits together.
+"""The steps of an import that write: each a short transaction of the caller that leaves everything consistent.
 
-Whatever a step changes of roads, it says so of their cells (``app.network.road_states``), marks what has to be solved
-anew, and names the drives that are to be computed again, in one transaction with the change: an import may be cut off
-after any step, and another goes on. Steps that touch evidence own the network; what only comes or is renamed shares it.
+In one transaction, a step changes roads, raises the states of their cells (``app.network.road_states``), marks what has
+to be solved again, and names the drives to be computed again. So an import may be interrupted after any step, and
+another continues it. Steps that move evidence own the network; steps that only add or rename roads share it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from app.network.marks import append_marks
 from app.network.passes import partitions_of
 from app.network.road_states import WIDE, cells_met, raise_roads
 from app.roads.comparing import AGAIN
-from app.roads.retired import Return, bring_back, keep, put_passes
+from app.roads.retired import Return, put_passes, restore, retire
 from fusion.network.transfer import Carrying
 
 _GEOMETRY = """
@@ -67,7 +67,7 @@ _RELEASE = text(
 _DROP = text("DELETE FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))")
 
 _NODES = text("SELECT from_node, to_node FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))")
-# Neighbours of what goes, comes and moves: the network's slopes hang together, and gaps open and close.
+# Neighbours of roads that are added, moved or deleted: their slopes depend on each other, and gaps open and close.
 _NEIGHBOURS = text(
     """
     SELECT s.id FROM segments AS s JOIN network_slopes AS n ON n.segment_id = s.id
@@ -78,7 +78,7 @@ _NEIGHBOURS = text(
 _SLOPE_ONLY = text(
     "SELECT DISTINCT segment_id FROM drive_segments WHERE segment_id = ANY(CAST(:ids AS bigint[])) AND NOT in_network"
 )
-_HEARD = text(
+_WITH_PASSES = text(
     """
     SELECT s.id FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) AND EXISTS (
         SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell))
@@ -97,8 +97,8 @@ _TAKE_PASSES = """
     DELETE FROM drive_passes WHERE segment_id = ANY(%(ids)s::bigint[]) AND partition = ANY(%(partitions)s::smallint[])
     RETURNING drive_id, segment_id, sequence, entered_s, factor
 """
-# Sums and verdicts over a road that lies otherwise are made anew from its passes.
-_FORGET_SUMS = tuple(
+# Condensed and rejected passes of a road that moved are derived again from its passes.
+_FORGET_DERIVED = tuple(
     text(f"DELETE FROM {table} WHERE segment_id = ANY(CAST(:ids AS bigint[]))")  # noqa: S608 - constants
     for table in ("condensed_passes", "rejected_passes")
 )
@@ -132,23 +132,23 @@ class Step:
 
 
 @dataclass
-class _Told:
-    """What is to be said of a step at its end."""
+class _Effects:
+    """The cells and nodes that a step changes, to be noted at its end."""
 
     shown: set[int] = field(default_factory=set)
     met: set[int] = field(default_factory=set)
     nodes: set[int] = field(default_factory=set)
 
     def add(self, session: Session, ids: Collection[int], *, ends: bool = True) -> None:
-        """The cells of segments as they are now, and their nodes."""
+        """Add the cells of segments as they are now, and their nodes."""
         self.shown |= set(cells_over(session, ids))
         self.met |= cells_met(session, ids)
         if ends:
             for row in session.execute(_NODES, {"ids": list(ids)}):
                 self.nodes |= {row.from_node, row.to_node}
 
-    def say(self, session: Session, step: Step, *, courses: bool, combined: Iterable[int] = ()) -> None:
-        """Say it: cells, and marks around the nodes."""
+    def note(self, session: Session, step: Step, *, courses: bool, combined: Iterable[int] = ()) -> None:
+        """Raise the states of the cells, and mark the segments around the nodes."""
         raise_roads(session, step.state, shown=self.shown, met=self.met, courses=self.met if courses else ())
         count_driven(session, self.shown)
         about = self.met | {near for cell in self.met - {WIDE} for near in beside(cell)} | self.shown
@@ -160,27 +160,27 @@ class _Told:
 
 
 def touch(session: Session, state: int, lost: Sequence[int], others: Collection[uuid.UUID]) -> None:
-    """Let drives be computed again that measured on ``lost`` segments, and ``others``."""
+    """Mark the drives that measured on ``lost`` segments, and ``others``, to be computed again."""
     session.execute(_TOUCH, {"lost": list(lost), "others": list(others), "state": state})
 
 
 def add(session: Session, step: Step, n: Sequence[int], back: Mapping[int, Sequence[Return]]) -> None:
-    """Add these rows of the file, and what the attic has of them: ``back`` by row; the caller owns the network then."""
+    """Add these rows of the file, and their retired evidence: ``back`` by row; the caller owns the network then."""
     rows = sorted(n)
     number = {one.n: one.segment_id for many in back.values() for one in many if one.segment_id is not None}
     values = {"ids": [number.get(k) for k in rows], "n": rows, "version": step.version, "region": step.region}
     ids = list(session.execute(_ADD, values).scalars())
-    combined = _bring_back(session, step, dict(zip(rows, ids, strict=True)), back)
-    told = _Told()
-    told.add(session, ids)
-    told.say(session, step, courses=True, combined=combined)
+    combined = _restore(session, step, dict(zip(rows, ids, strict=True)), back)
+    effects = _Effects()
+    effects.add(session, ids)
+    effects.note(session, step, courses=True, combined=combined)
 
 
 def carry(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], back: Sequence[bool]) -> None:
-    """Let segments be rows of the file that are the same road (``back``: the other way round), with all that was
-    measured on them. The caller owns the network."""
-    told = _Told()
-    told.add(session, ids)
+    """Give segments the geometry of rows of the file that are the same road (``back``: drawn the other way round), with
+    all evidence on them. The caller owns the network."""
+    effects = _Effects()
+    effects.add(session, ids)
     partitions = partitions_of(session, ids)
     new = {row[0]: row[1:] for row in fetch_binary(session, _FILE, {"n": list(n)})}
     old = {row[0]: row[1:] for row in fetch_binary(session, _OLD, {"ids": list(ids)})}
@@ -190,7 +190,7 @@ def carry(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], ba
     }
     moved = [one for one, row in zip(ids, n, strict=True) if carried[one].back or old[one] != new[row]]
     passes = fetch_binary(session, _TAKE_PASSES, {"ids": moved, "partitions": partitions})
-    for statement in _FORGET_SUMS:
+    for statement in _FORGET_DERIVED:
         session.execute(statement, {"ids": moved})
     session.execute(
         _REPLACE, {"ids": list(ids), "n": list(n), "version": step.version, "region": step.region}
@@ -199,8 +199,8 @@ def carry(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], ba
     turned = [segment for segment, how in carried.items() if how.back]
     for statement in (_TURN_ESTIMATES, *_TURN):
         session.execute(statement, {"ids": turned})
-    told.add(session, ids)
-    told.say(
+    effects.add(session, ids)
+    effects.note(
         session, step, courses=False, combined=session.execute(_SLOPE_ONLY, {"ids": list(ids)}).scalars()
     )
 
@@ -208,28 +208,28 @@ def carry(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], ba
 def move_away(
     session: Session, step: Step, ids: Sequence[int], n: Sequence[int], back: Mapping[int, Sequence[Return]]
 ) -> None:
-    """Let segments lie elsewhere, as rows of the file: what was measured where they lay goes into the attic, and what
-    was once measured where they lie now comes back. The caller owns the network."""
-    told = _Told()
-    told.add(session, ids)
+    """Move segments to where rows of the file are: evidence of where they were is retired, and retired evidence of
+    where they are now is restored. The caller owns the network."""
+    effects = _Effects()
+    effects.add(session, ids)
     touch(session, step.state, ids, ())
-    keep(session, ids)
+    retire(session, ids)
     session.execute(
         _REPLACE, {"ids": list(ids), "n": list(n), "version": step.version, "region": step.region}
     )
-    combined = _bring_back(session, step, dict(zip(n, ids, strict=True)), back)
-    told.add(session, ids)
-    told.say(session, step, courses=True, combined=combined)
+    combined = _restore(session, step, dict(zip(n, ids, strict=True)), back)
+    effects.add(session, ids)
+    effects.note(session, step, courses=True, combined=combined)
 
 
 def drop(session: Session, step: Step, ids: Sequence[int]) -> None:
-    """Let segments go; what was measured on them goes into the attic. The caller owns the network."""
-    told = _Told()
-    told.add(session, ids)
+    """Delete segments; their evidence is retired. The caller owns the network."""
+    effects = _Effects()
+    effects.add(session, ids)
     touch(session, step.state, ids, ())
-    keep(session, ids)
+    retire(session, ids)
     session.execute(_DROP, {"ids": list(ids)})
-    told.say(session, step, courses=True)
+    effects.note(session, step, courses=True)
 
 
 def release(session: Session, step: Step, ids: Sequence[int]) -> None:
@@ -238,17 +238,17 @@ def release(session: Session, step: Step, ids: Sequence[int]) -> None:
 
 
 def rename(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], *, courses: bool) -> None:
-    """Let segments that lie where they lay be called, signed and put into regions as the file has them."""
+    """Give segments that have not moved the tags and the region that the file has."""
     session.execute(_RENAME, {"ids": list(ids), "n": list(n), "region": step.region})
-    told = _Told()
-    told.add(session, ids, ends=False)
-    told.say(session, step, courses=courses)
+    effects = _Effects()
+    effects.add(session, ids, ends=False)
+    effects.note(session, step, courses=courses)
 
 
-def _bring_back(
+def _restore(
     session: Session, step: Step, id_of: Mapping[int, int], back: Mapping[int, Sequence[Return]]
 ) -> set[int]:
-    """What the attic has of rows that are segments now; those of which only what is published changes."""
+    """Restore the retired evidence of rows that are segments now; those of which only what is published changes."""
     returns = [one for n in id_of for one in back.get(n, ())]
     if not returns:
         return set()
@@ -260,9 +260,9 @@ def _bring_back(
             _carrying((*one.ends_deg, one.length_m), new[one.n], back=one.back),
         )
     touch(session, step.state, (), {drive for one in returns for drive in one.void})
-    bring_back(session, returns, over)
+    restore(session, returns, over)
     ids = sorted({segment for segment, _ in over.values()})
-    append_marks(session, session.execute(_HEARD, {"ids": ids}).scalars().all())
+    append_marks(session, session.execute(_WITH_PASSES, {"ids": ids}).scalars().all())
     return set(session.execute(_SLOPE_ONLY, {"ids": ids}).scalars())
 
 

@@ -41,7 +41,7 @@ _OTHER = text(
     ORDER BY {ROAD_ORDER}
     """  # noqa: S608 - constants
 )
-# New rows cell by cell: what is added together is near together.
+# New rows cell by cell: rows that are added together are near each other.
 _NEW = text(
     f"""
     SELECT i.n FROM road_import AS i LEFT JOIN segments AS s ON {_ON} WHERE s.id IS NULL
@@ -126,7 +126,7 @@ class Loss:
 class Plan:
     """What an import does: ``ids`` (m,) of stored segments, what becomes of each (``Change``), and the row ``n`` of the
     file that takes its place (-1: none); rows that are ``added`` (k,); stored ones that are only ``renamed`` (j, 3: id,
-    n, whether their direction of travel changes); and what comes back from the attic."""
+    n, whether their direction of travel changes); and the retired roads that come back."""
 
     ids: Ints
     change: Ints
@@ -201,10 +201,10 @@ def _changes(
 
 def losses(session: Session, plan: Plan) -> list[Loss]:
     """How many measured segments each region would lose, and of how many; regions that lose none are left out."""
-    found = session.execute(_LOST_BY_REGION, {"ids": plan.lost.tolist()}).all()
+    rows = session.execute(_LOST_BY_REGION, {"ids": plan.lost.tolist()}).all()
     return [
         Loss(row.name, row.lost, int(session.execute(_MEASURED_OF, {"region": row.id}).scalar_one()))
-        for row in found
+        for row in rows
         if row.name is not None
     ]
 
@@ -219,15 +219,15 @@ def waiting_for(
 ) -> set[uuid.UUID]:
     """Drives to be computed again that need have nothing on what goes: those that lost what they said before and whose
     roads come back, and those that failed (since a moment) for want of roads where there are new ones."""
-    found = {drive for one in plan.returns for drive in one.void}
+    drives = {drive for one in plan.returns for drive in one.void}
     if not len(plan.added):
-        return found
+        return drives
     came = table.subset(np.sort(plan.added))
     for row in session.execute(_FAILED, {"kinds": list(NO_ROADS), "since": since}):
         box = (row.west, row.south, row.east, row.north)
         if row.west is None or came.meets(np.array([box], float)).any():
-            found.add(row.id)
-    return found
+            drives.add(row.id)
+    return drives
 
 
 def count_again(session: Session, plan: Plan, others: Collection[uuid.UUID]) -> int:
@@ -238,5 +238,5 @@ def count_again(session: Session, plan: Plan, others: Collection[uuid.UUID]) -> 
 
 def passes_on(session: Session, plan: Plan) -> Ints:
     """How many passes there are over each segment of the plan, shape (m,)."""
-    found = session.execute(_PASSES_ON, {"ids": plan.ids.tolist()}).scalars().all()
-    return np.array(found, np.int64)
+    counts = session.execute(_PASSES_ON, {"ids": plan.ids.tolist()}).scalars().all()
+    return np.array(counts, np.int64)

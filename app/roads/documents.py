@@ -82,13 +82,13 @@ class Wishes:
 USUAL = Wishes()
 
 
-def refuse(found: Sequence[Loss]) -> None:
+def refuse(losses: Sequence[Loss]) -> None:
     """``RoadsError`` where any region loses too much."""
-    if large := [one for one in found if one.lost > MOST_LOST * one.measured]:
-        said = "; ".join(
+    if large := [one for one in losses if one.lost > MOST_LOST * one.measured]:
+        regions = "; ".join(
             f"{one.lost} of the {one.measured} measured segments of {one.region}" for one in large
         )
         raise RoadsError(
-            f"This would take away what was measured on more than a tenth: {said}. Nothing was changed. See with "
+            f"This would take away what was measured on more than a tenth: {regions}. Nothing was changed. See with "
             "--dry-run what it would do; if that is meant, give --yes."
         )

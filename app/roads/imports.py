@@ -75,13 +75,13 @@ def import_roads(
         name = regions.region_name(path.name) if region is None else regions.check_name(region)
         return _bring_file(sessions, path, path, Source(path.name, "", name), dem_dir, wishes, progress)
     with sessions() as session:
-        known = regions.changed_region(session, region, path.name)
-        bounds = regions.region_extent(session, known.id)
+        target = regions.changed_region(session, region, path.name)
+        bounds = regions.region_extent(session, target.id)
     with TemporaryDirectory(prefix="versant-") as folder:
         progress("applying changes", 0.0)
-        whole = region_files.changed_file(dem_dir, known, path, bounds, Path(folder))
-        source = Source(path.name, "", known.name, based_on=known.file_uri)
-        return _bring_file(sessions, whole, path, source, dem_dir, wishes, progress)
+        updated = region_files.changed_file(dem_dir, target, path, bounds, Path(folder))
+        source = Source(path.name, "", target.name, based_on=target.file_uri)
+        return _bring_file(sessions, updated, path, source, dem_dir, wishes, progress)
 
 
 def _bring_file(
@@ -119,13 +119,13 @@ def remove_region(
     progress: Progress = no_progress,
     wishes: Wishes = USUAL,
 ) -> ImportCounts:
-    """Take a region off the map: roads that no other region has go, and what was measured on them into the attic.
+    """Remove a region: roads that no other region has are deleted, and the evidence on them is retired.
 
     Raises ``RoadsError`` where there is no such region, and for losses that nobody has accepted.
     """
     with sessions() as session:
-        found = regions.known_region(session, name)
-    source = Source(found.source_name, found.sha256, name)
+        region = regions.known_region(session, name)
+    source = Source(region.source_name, region.sha256, name)
     return bring_in(sessions, RoadTable.empty(), source, dem_dir, wishes, progress)
 
 

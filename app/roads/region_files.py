@@ -39,7 +39,7 @@ def keep_file(place: FilePlace, source: Path, region: str) -> tuple[str, str]:
 
 
 def forget_file(place: FilePlace, uri: str) -> None:
-    """Let a kept file go."""
+    """Delete a kept file."""
     mirror.forget(place, uri)
 
 
@@ -51,14 +51,14 @@ def kept_file(place: FilePlace, region: Region) -> Path:
             "once."
         )
     try:
-        kept = mirror.fetch(place, region.file_uri, region.file_sha256)
+        file = mirror.fetch(place, region.file_uri, region.file_sha256)
     except mirror.MirrorError as error:
         raise RoadsError(
             f"The file of region {region.name!r} is lost: {error} Import its whole file again."
         ) from error
-    if not kept.is_file():
+    if not file.is_file():
         raise RoadsError(f"The file of region {region.name!r} is lost. Import its whole file again.")
-    return kept
+    return file
 
 
 def changed_file(place: FilePlace, region: Region, changes: Path, bounds_deg: Bounds, folder: Path) -> Path:
@@ -66,7 +66,6 @@ def changed_file(place: FilePlace, region: Region, changes: Path, bounds_deg: Bo
 
     ``RoadsError`` where nothing is kept, or what is kept is lost.
     """
-    kept = kept_file(place, region)
     target = folder / f"{region.name}.osm.pbf"
-    apply_changes(kept, changes, target, bounds_deg)
+    apply_changes(kept_file(place, region), changes, target, bounds_deg)
     return target

@@ -47,7 +47,7 @@ class RegionFigures:
 
 _COLUMNS = "id, name, source_name, sha256, imported_at, segments, file_uri, file_sha256"
 _FIND = text(f"SELECT {_COLUMNS} FROM regions WHERE name = :name")  # noqa: S608 - constants
-_EVERY = text(f"SELECT {_COLUMNS} FROM regions ORDER BY id")  # noqa: S608 - constants
+_ALL = text(f"SELECT {_COLUMNS} FROM regions ORDER BY id")  # noqa: S608 - constants
 _NAMES = text("SELECT name FROM regions ORDER BY name")
 _MAKE = text(
     """
@@ -116,16 +116,16 @@ def find_region(session: Session, name: str) -> Region | None:
 
 def all_regions(session: Session) -> list[Region]:
     """Every region, the one that was made first in front."""
-    return [Region(**row._mapping) for row in session.execute(_EVERY)]
+    return [Region(**row._mapping) for row in session.execute(_ALL)]
 
 
 def known_region(session: Session, name: str) -> Region:
     """The region of this name; ``RoadsError`` where there is none, with those that there are."""
-    if (found := find_region(session, name)) is None:
+    if (region := find_region(session, name)) is None:
         names = list(session.execute(_NAMES).scalars())
         there = f"There are: {', '.join(names)}." if names else "There is none yet."
         raise RoadsError(f"There is no region {name!r}. {there}")
-    return found
+    return region
 
 
 def changed_region(session: Session, name: str | None, file_name: str) -> Region:
@@ -157,14 +157,14 @@ def make_region(session: Session, name: str, source_name: str, sha256: str, vers
     return int(session.execute(_MAKE, values).scalar_one())
 
 
-def note_import(session: Session, region_id: int, **said: Any) -> None:
+def note_import(session: Session, region_id: int, **columns: Any) -> None:
     """Note what an import brought: ``source_name``, ``sha256``, ``version``, ``segments``, ``file_uri``,
     ``file_sha256``, ``bounds``."""
-    session.execute(_NOTE, {"id": region_id, **said})
+    session.execute(_NOTE, {"id": region_id, **columns})
 
 
 def forget_region(session: Session, region_id: int) -> None:
-    """Let the region go; no segment is in it any more."""
+    """Delete the region, which has no segments any more."""
     session.execute(_REMOVE, {"id": region_id})
 
 

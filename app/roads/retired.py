@@ -1,7 +1,7 @@
-"""What was measured on roads that are lost: kept for a stated time, and brought back when such a road comes back.
+"""Retired evidence: what was measured on deleted roads, kept for a stated time and restored when a road comes back.
 
-Kept is what drives say, not what follows from it: passes in full, whether they were in a sum or not, and estimates. It
-comes back as it was for drives that have not been computed anew since; the others are computed once more. What moves to
+Evidence is what drives say, not what follows from it: passes in full, recent or condensed, and estimates. It is
+restored as it was for drives that have not been computed again since; the others are computed once more. Evidence for
 a segment of another length is carried over (``fusion.network.transfer``).
 """
 
@@ -15,18 +15,18 @@ import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import Sessions, fetch_binary, send_binary
-from app.network.passes import partitions_of
+from app.core.db import Sessions, fetch_binary
+from app.network.passes import insert_passes, partitions_of
 from fusion.network.pass_factor import PassFactor
 from fusion.network.transfer import Carrying, Ends
 from fusion.roads.changes import ends_apart_m, ends_of
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 
-# --- into the attic
+# --- retiring
 
 _RUN = "(SELECT max(id) FROM provenances AS v WHERE v.drive_id = {0}.drive_id)"
-_KEEP = text(
+_RETIRE = text(
     """
     INSERT INTO retired_segments (segment_id, osm_way_id, from_node, to_node, geom, length_m)
     SELECT s.id, s.osm_way_id, s.from_node, s.to_node, s.geom, s.length_m FROM segments AS s
@@ -36,32 +36,32 @@ _KEEP = text(
     ORDER BY s.id RETURNING id, segment_id
     """
 )
-# Of what is measured there is nothing left, for the drives are gone.
-_DROP_EMPTY = text(
+# Roads whose evidence is gone with its drives.
+_DELETE_EMPTY = text(
     """
     DELETE FROM retired_segments AS a WHERE NOT EXISTS (SELECT FROM retired_passes AS p WHERE p.retired_id = a.id)
         AND NOT EXISTS (SELECT FROM retired_estimates AS e WHERE e.retired_id = a.id)
     """
 )
-_KEEP_PASSES = text(
+_RETIRE_PASSES = text(
     f"""
     INSERT INTO retired_passes (retired_id, drive_id, run, sequence, entered_s, factor)
     SELECT a.id, p.drive_id, {_RUN.format("p")}, p.sequence, p.entered_s, p.factor
-    FROM unnest(CAST(:attic AS bigint[]), CAST(:ids AS bigint[])) AS a (id, segment_id)
+    FROM unnest(CAST(:retired AS bigint[]), CAST(:ids AS bigint[])) AS a (id, segment_id)
     JOIN drive_passes AS p ON p.segment_id = a.segment_id AND p.partition = ANY(CAST(:partitions AS smallint[]))
     """  # noqa: S608 - constants
 )
-_KEEP_ESTIMATES = text(
+_RETIRE_ESTIMATES = text(
     f"""
     INSERT INTO retired_estimates (retired_id, drive_id, run, slope_percent, slope_sigma_percent, observations, passes,
                                  first_at, last_at, in_network)
     SELECT a.id, e.drive_id, {_RUN.format("e")}, e.slope_percent, e.slope_sigma_percent, e.observations, e.passes,
            e.first_at, e.last_at, e.in_network
-    FROM unnest(CAST(:attic AS bigint[]), CAST(:ids AS bigint[])) AS a (id, segment_id)
+    FROM unnest(CAST(:retired AS bigint[]), CAST(:ids AS bigint[])) AS a (id, segment_id)
     JOIN drive_segments AS e ON e.segment_id = a.segment_id
     """  # noqa: S608 - constants
 )
-_FORGET = tuple(
+_DELETE_EVIDENCE = tuple(
     text(statement)
     for statement in (
         "DELETE FROM drive_passes WHERE segment_id = ANY(CAST(:ids AS bigint[])) "
@@ -79,7 +79,7 @@ _FORGET = tuple(
     )
 )
 
-# --- out of it
+# --- restoring
 
 _FIND = text(
     """
@@ -93,7 +93,7 @@ _FIND = text(
     ORDER BY i.n, a.retired_at DESC, a.id DESC
     """
 )
-_SAID = text(
+_DRIVES = text(
     """
     SELECT a.retired_id, a.drive_id, EXISTS (SELECT FROM provenances AS v WHERE v.id = a.run) AS fresh
     FROM (SELECT retired_id, drive_id, run FROM retired_passes WHERE retired_id = ANY(CAST(:ids AS bigint[]))
@@ -131,14 +131,7 @@ _PRUNE = text(
 )
 PRUNED_AT_ONCE = 500
 
-_PUT = """
-    INSERT INTO drive_passes (drive_id, segment_id, sequence, entered_s, factor, partition)
-    SELECT t.drive_id, t.segment_id, t.sequence, t.entered_s, t.factor, versant_partition(s.cell)
-    FROM unnest(%(drive_id)s::uuid[], %(segment_id)s::bigint[], %(sequence)s::integer[], %(entered_s)s::float8[],
-                %(factor)b::bytea[]) AS t (drive_id, segment_id, sequence, entered_s, factor)
-    JOIN segments AS s ON s.id = t.segment_id
-"""
-_LOOKED_FOR = text(
+_ADD_PARTITIONS = text(
     """
     UPDATE drive_constants SET partitions = ARRAY(
         SELECT DISTINCT unnest(partitions || CAST(:partitions AS smallint[])) ORDER BY 1)
@@ -149,8 +142,8 @@ _LOOKED_FOR = text(
 
 @dataclass(frozen=True)
 class Return:
-    """A road of the file, row ``n``, that was there before: what is kept of it, and the number that it can have again
-    (None: another road has it). ``void``: drives that have been computed anew since."""
+    """A road of the file, row ``n``, that comes back: its retired segment, and the segment id that it gets again (None:
+    another road has it). ``void``: drives that have been computed again since it was retired."""
 
     n: int
     retired_id: int
@@ -159,7 +152,7 @@ class Return:
     length_m: float
     back: bool
     fresh: int
-    """How many drives' evidence comes back as it was"""
+    """How many drives' evidence is restored as it was"""
     void: tuple[uuid.UUID, ...]
 
 
@@ -168,25 +161,25 @@ PassRow = tuple[uuid.UUID, int, int, float, bytes]
 
 
 def returns_among(session: Session, table: RoadTable, rows: Ints, tolerance_m: float) -> list[Return]:
-    """Which of these rows of the copied file are roads that something is kept of; each kept road comes back once."""
-    wanted = set(rows.tolist())
-    found = [row for row in session.execute(_FIND) if row.n in wanted]
-    # Several ways may run between the same nodes: each has its own again.
-    found.sort(key=lambda row: (not row.same_way or row.back, not row.same_way))
-    if not found:
+    """Which of these rows of the copied file are retired roads; each retired road comes back once."""
+    numbers = set(rows.tolist())
+    matches = [row for row in session.execute(_FIND) if row.n in numbers]
+    # Several ways may run between the same nodes: each gets its own evidence back.
+    matches.sort(key=lambda row: (not row.same_way or row.back, not row.same_way))
+    if not matches:
         return []
-    ends = np.array([(row.lon0, row.lat0, row.lon1, row.lat1) for row in found], float)
-    turned = np.where(np.array([row.back for row in found])[:, None], ends[:, [2, 3, 0, 1]], ends)
-    now = ends_of(table, np.array([row.n for row in found], np.int64))
+    ends = np.array([(row.lon0, row.lat0, row.lon1, row.lat1) for row in matches], float)
+    turned = np.where(np.array([row.back for row in matches])[:, None], ends[:, [2, 3, 0, 1]], ends)
+    now = ends_of(table, np.array([row.n for row in matches], np.int64))
     near = ends_apart_m(turned, now) <= tolerance_m
-    said: dict[int, list[tuple[uuid.UUID, bool]]] = {}
-    for row in session.execute(_SAID, {"ids": [row.id for row in found]}):
-        said.setdefault(row.retired_id, []).append((row.drive_id, row.fresh))
+    drives: dict[int, list[tuple[uuid.UUID, bool]]] = {}
+    for row in session.execute(_DRIVES, {"ids": [row.id for row in matches]}):
+        drives.setdefault(row.retired_id, []).append((row.drive_id, row.fresh))
     out: list[Return] = []
     used: set[int] = set()
     named: set[int] = set()
-    for row, ok, where in zip(found, near.tolist(), ends.tolist(), strict=True):
-        if not ok or row.id in used or row.id not in said:
+    for row, ok, where in zip(matches, near.tolist(), ends.tolist(), strict=True):
+        if not ok or row.id in used or row.id not in drives:
             continue
         used.add(row.id)
         free = not row.taken and row.segment_id not in named and row.n not in {one.n for one in out}
@@ -200,28 +193,28 @@ def returns_among(session: Session, table: RoadTable, rows: Ints, tolerance_m: f
                 ends_deg=(where[0], where[1], where[2], where[3]),
                 length_m=row.length_m,
                 back=row.back,
-                fresh=len({drive for drive, fresh in said[row.id] if fresh}),
-                void=tuple(sorted({drive for drive, fresh in said[row.id] if not fresh})),
+                fresh=len({drive for drive, fresh in drives[row.id] if fresh}),
+                void=tuple(sorted({drive for drive, fresh in drives[row.id] if not fresh})),
             )
         )
     return out
 
 
-def keep(session: Session, segment_ids: Sequence[int]) -> None:
-    """Take what was measured on these segments off the map, and keep it. The caller owns the network."""
+def retire(session: Session, segment_ids: Sequence[int]) -> None:
+    """Move the evidence on these segments from the map to the retired evidence. The caller owns the network."""
     ids = {"ids": list(segment_ids), "partitions": partitions_of(session, segment_ids)}
-    kept = session.execute(_KEEP, ids).all()
-    if kept:
-        values = {"attic": [row.id for row in kept], "ids": [row.segment_id for row in kept]}
-        session.execute(_KEEP_PASSES, {**values, "partitions": ids["partitions"]})
-        session.execute(_KEEP_ESTIMATES, values)
-    for statement in _FORGET:
+    rows = session.execute(_RETIRE, ids).all()
+    if rows:
+        values = {"retired": [row.id for row in rows], "ids": [row.segment_id for row in rows]}
+        session.execute(_RETIRE_PASSES, {**values, "partitions": ids["partitions"]})
+        session.execute(_RETIRE_ESTIMATES, values)
+    for statement in _DELETE_EVIDENCE:
         session.execute(statement, ids)
 
 
-def bring_back(session: Session, returns: Sequence[Return], over: Mapping[int, tuple[int, Carrying]]) -> None:
-    """Put what is kept of roads back on the map: ``over`` says by its number in the attic which segment each is now,
-    and how it becomes that. What is kept of drives computed anew since goes. The caller owns the network."""
+def restore(session: Session, returns: Sequence[Return], over: Mapping[int, tuple[int, Carrying]]) -> None:
+    """Restore retired evidence: ``over`` has, by the retired segment's id, the segment that it is now and how the
+    evidence is carried over. Evidence of drives computed again since is deleted. The caller owns the network."""
     ids = [one.retired_id for one in returns]
     rows = fetch_binary(session, _PASSES, {"ids": ids})
     put_passes(
@@ -237,36 +230,29 @@ def bring_back(session: Session, returns: Sequence[Return], over: Mapping[int, t
 
 
 def put_passes(session: Session, rows: Sequence[PassRow], carried: Sequence[Carrying]) -> None:
-    """Add passes, each carried over to its segment as that is now."""
+    """Add passes, each carried over to its segment as it is now."""
     if not rows:
         return
     factors = PassFactor.decode_all([(row[4], row[1], row[2]) for row in rows])
     factors = [how.factor(one, one.segment) for one, how in zip(factors, carried, strict=True)]
     drives = [row[0] for row in rows]
-    columns = {
-        "drive_id": drives,
-        "segment_id": [row[1] for row in rows],
-        "sequence": [row[2] for row in rows],
-        "entered_s": [row[3] for row in rows],
-        "factor": PassFactor.encode_all(factors),
-    }
-    send_binary(session, _PUT, columns)
+    insert_passes(session, drives, factors, np.array([row[3] for row in rows], float))
     partitions = partitions_of(session, {row[1] for row in rows})
-    session.execute(_LOOKED_FOR, {"drives": list(set(drives)), "partitions": partitions})
+    session.execute(_ADD_PARTITIONS, {"drives": list(set(drives)), "partitions": partitions})
 
 
-def drop_empty(session: Session) -> None:
-    """Forget roads that were kept for the sake of drives that are removed by now."""
-    session.execute(_DROP_EMPTY)
+def delete_empty(session: Session) -> None:
+    """Delete retired roads whose drives have all been removed."""
+    session.execute(_DELETE_EMPTY)
 
 
 def prune(sessions: Sessions, days: float) -> int:
-    """Let go what has been kept for longer than so many days; of how many roads."""
+    """Delete evidence that was retired more than so many days ago; returns of how many roads."""
     count = 0
     while True:
         with sessions.begin() as session:
             values = {"age_s": 86400.0 * days, "most": PRUNED_AT_ONCE}
-            found = len(session.execute(_PRUNE, values).all())
-        count += found
-        if found < PRUNED_AT_ONCE:
+            matches = len(session.execute(_PRUNE, values).all())
+        count += matches
+        if matches < PRUNED_AT_ONCE:
             return count

@@ -21,10 +21,10 @@ def summary(counts: ImportCounts) -> str:
         "dropped": counts.dropped,
         "left to other regions": counts.released,
     }
-    said = [", ".join(f"{n} {name}" for name, n in some.items() if n or name in ("kept", "added", "dropped"))
+    lists = [", ".join(f"{n} {name}" for name, n in some.items() if n or name in ("kept", "added", "dropped"))
             for some in (parts, gone)]  # fmt: skip
     would = "would have" if counts.dry_run else "has"
-    return f"region {counts.region} {would} {counts.segments} segments ({said[0]}; {said[1]})"
+    return f"region {counts.region} {would} {counts.segments} segments ({lists[0]}; {lists[1]})"
 
 
 def remarks(counts: ImportCounts) -> list[str]:

@@ -1,7 +1,7 @@
-"""A plan carried out: in which order, in how large pieces, and with which lock. What a step does is ``changing``'s.
+"""Carries out a plan: in which order, in how large pieces, and with which lock. ``changing`` has what a step does.
 
-A piece that owns the network keeps drives and solvers waiting, so it takes a tenth of a second, and as long a pause
-comes after it. Measured, not guessed: pieces grow and shrink with the time that the last one took.
+A piece that owns the network keeps drives and solvers waiting, so it takes a tenth of a second, and a pause as long
+follows it. Pieces grow and shrink with the time that the last one took.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -39,11 +39,8 @@ class TerrainChangedError(Exception):
     """Elevation rasters came in meanwhile: what was copied has the heights of before."""
 
 
-class Transactions(Protocol):
-    """What begins a transaction on the import's connection."""
-
-    def __call__(self) -> AbstractContextManager[Session]:
-        """It is committed at the end of the block."""
+Transactions = Callable[[], AbstractContextManager[Session]]
+"""Begins a transaction on the import's connection, which is committed at the end of the block."""
 
 
 @dataclass
@@ -80,17 +77,17 @@ class Run:
     def pieces(self, weights: Ints, *, owns: bool) -> Iterator[tuple[slice, Callable[[float], None]]]:
         """Parts of so many things in their order, and whom to tell how long each took; large where none waits."""
         start, total = 0, len(weights)
-        whole = np.concatenate([[0], np.cumsum(weights)])
+        before = np.concatenate([[0], np.cumsum(weights)])
         while start < total:
-            heavy = int(np.searchsorted(whole, whole[start] + PASSES_AT_ONCE, side="right")) - 1
+            heavy = int(np.searchsorted(before, before[start] + PASSES_AT_ONCE, side="right")) - 1
             size = self._size if owns else MOST
             end = min(start + size, max(heavy, start + 1), total)
             yield slice(start, end), partial(self._note, end - start)
             start = end
 
     def _note(self, count: int, held_s: float) -> None:
-        wanted = count * HOLD_S / max(held_s, 1e-4)
-        self._size = int(min(max(wanted, self._size / 2, LEAST), 2 * self._size, MOST))
+        size = count * HOLD_S / max(held_s, 1e-4)
+        self._size = int(min(max(size, self._size / 2, LEAST), 2 * self._size, MOST))
 
 
 class _Portion(NamedTuple):

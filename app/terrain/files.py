@@ -66,7 +66,7 @@ def with_bounds(sources: Iterable[DemSource], dem_dir: FilePlace) -> list[DemSou
 
     One whose raster cannot be read stays without, and counts everywhere.
     """
-    known = []
+    bounded = []
     for source in sources:
         bounds = source.bounds_deg
         if bounds is None:
@@ -74,8 +74,8 @@ def with_bounds(sources: Iterable[DemSource], dem_dir: FilePlace) -> list[DemSou
                 bounds = bounds_deg(local_raster(dem_dir, source))
             except (TerrainError, ProjError) as error:
                 logger.warning("where %s lies is not known: %s", source.name, error)
-        known.append(replace(source, bounds_deg=bounds))
-    return known
+        bounded.append(replace(source, bounds_deg=bounds))
+    return bounded
 
 
 def add_bounds(sessions: Sessions, dem_dir: FilePlace) -> int:
@@ -83,14 +83,14 @@ def add_bounds(sessions: Sessions, dem_dir: FilePlace) -> int:
     with sessions() as session:
         named = {s.uri: s for sources in sources_of_all(session).values() for s in sources}
         without = [source for source in named.values() if source.bounds_deg is None]
-    found = {s.uri: s.bounds_deg for s in with_bounds(without, dem_dir) if s.bounds_deg is not None}
-    if found:
+    bounds = {s.uri: s.bounds_deg for s in with_bounds(without, dem_dir) if s.bounds_deg is not None}
+    if bounds:
         with sessions.begin() as session:
             for version, sources in sources_of_all(session).items():
-                if any(s.bounds_deg is None and s.uri in found for s in sources):
-                    known = [replace(s, bounds_deg=s.bounds_deg or found.get(s.uri)) for s in sources]
-                    set_sources(session, version, known)
-    return len(found)
+                if any(s.bounds_deg is None and s.uri in bounds for s in sources):
+                    listed = [replace(s, bounds_deg=s.bounds_deg or bounds.get(s.uri)) for s in sources]
+                    set_sources(session, version, listed)
+    return len(bounds)
 
 
 def bounds_deg(path: Path, margin_posts: int = 0) -> Bounds:

@@ -72,9 +72,9 @@ def add_dem(
         names = {source.name.casefold() for source in new}
         return [source for source in former if source.name.casefold() not in names] + new
 
-    found = _change(sessions, added, dem_dir, progress)
-    assert found is not None  # noqa: S101 - at least what was added is there
-    return found
+    dem = _change(sessions, added, dem_dir, progress)
+    assert dem is not None  # noqa: S101 - at least what was added is there
+    return dem
 
 
 def remove_dem(
@@ -106,36 +106,36 @@ def rank_dem(
 
 
 def _change(sessions: Sessions, change: _Change, dem_dir: FilePlace, progress: Progress) -> DemSet | None:
-    found = None
-    while found is None:
+    outcome = None
+    while outcome is None:
         with sessions() as session:
             active = current_dem(session, dem_dir)
         former = active.sources if active else ()
-        whole = change(former)
-        if whole == list(former):
-            found = (active,)
+        sources = change(former)
+        if sources == list(former):
+            outcome = (active,)
             break
-        found = _switch(sessions, active, with_bounds(whole, dem_dir), dem_dir)
+        outcome = _switch(sessions, active, with_bounds(sources, dem_dir), dem_dir)
     renew_all(sessions, dem_dir, progress)
     progress("heights", 1.0)
-    return found[0]
+    return outcome[0]
 
 
 def _switch(
-    sessions: Sessions, active: DemSet | None, whole: list[DemSource], dem_dir: FilePlace
+    sessions: Sessions, active: DemSet | None, sources: list[DemSource], dem_dir: FilePlace
 ) -> tuple[DemSet | None] | None:
     """Make these the active rasters; None where others than before are by now. What takes long comes first."""
     former = list(active.sources) if active else []
-    changed = [s for s in whole if s not in former] + [s for s in former if s not in whole]
+    changed = [s for s in sources if s not in former] + [s for s in former if s not in sources]
     boxes = [reach_deg(source, dem_dir) for source in changed]
     datum = NO_DATUM
-    if whole:  # all of them can be used together, or nothing is changed
-        paths = [local_raster(dem_dir, source) for source in whole]
-        with Dem.open(paths, [source.priority for source in whole]) as dem:
+    if sources:  # all of them can be used together, or nothing is changed
+        paths = [local_raster(dem_dir, source) for source in sources]
+        with Dem.open(paths, [source.priority for source in sources]) as dem:
             datum = dem.datum
     with sessions.begin() as session:
         own_network(session)
         if current_dem(session, dem_dir) != active:
             return None
-        found = replace_dem(session, whole, datum, dem_dir, boxes)
-        return (found if whole else None,)
+        active_set = replace_dem(session, sources, datum, dem_dir, boxes)
+        return (active_set if sources else None,)

@@ -78,13 +78,13 @@ def back_up(
             moment = datetime.now(UTC)
             path = f"database-{moment:%Y%m%dT%H%M%S%fZ}.dump"
             dump(settings.database_url, snapshot, folder / path, versions.postgres_major)
-        kept = _Files(folder, former, progress)
+        files = _Files(folder, former, progress)
         blobs = BlobStore(settings.blob_store_url)
-        kept.add_all("logs", [_log(blobs, key, *facts) for key, facts in contents.blobs.items()])
-        kept.add_all("rasters", [one for source in contents.rasters for one in _raster(settings, source)])
-        kept.add_all("roads", list(_road_files(settings, contents.road_files)))
+        files.add_all("logs", [_log(blobs, key, *facts) for key, facts in contents.blobs.items()])
+        files.add_all("rasters", [one for source in contents.rasters for one in _raster(settings, source)])
+        files.add_all("roads", list(_road_files(settings, contents.road_files)))
         with sessions() as session:
-            missing = store.wanted_still(session, [path.removeprefix(f"{LOGS}/") for path in kept.missing])
+            missing = store.wanted_still(session, [path.removeprefix(f"{LOGS}/") for path in files.missing])
         manifest = Manifest(
             made_at=moment.isoformat(timespec="seconds"),
             versions={"versant": code_version(), "revision": state.revision, **versions._asdict()},
@@ -92,9 +92,9 @@ def back_up(
             drives=contents.drives,
             segments=contents.segments,
             dump=entry_of(folder, path),
-            files=tuple(kept.entries),
+            files=tuple(files.entries),
             missing=tuple(missing),
-            damaged=tuple(kept.damaged),
+            damaged=tuple(files.damaged),
         )
         write_manifest(folder, manifest)
     return manifest

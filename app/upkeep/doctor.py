@@ -127,13 +127,13 @@ def _room(patient: Patient) -> Iterator[Finding]:
         if free is None:
             yield Finding(f"room of {name}", "ok", "Nothing tells how much room a bucket has.")
         elif free < least:
-            said = (
+            finding = (
                 f"{free / _MIB:.0f} MiB are free, less than the {least / _MIB:.0f} of VERSANT_MIN_FREE_BYTES."
             )
-            yield Finding(f"room of {name}", "fail", said, f"Make room in {url}: uploads are refused.")
+            yield Finding(f"room of {name}", "fail", finding, f"Make room in {url}: uploads are refused.")
         elif free < 4 * least:
-            said = f"{free / _MIB:.0f} MiB are free; at {least / _MIB:.0f} uploads are refused."
-            yield Finding(f"room of {name}", "warn", said, f"Make room in {url}.")
+            finding = f"{free / _MIB:.0f} MiB are free; at {least / _MIB:.0f} uploads are refused."
+            yield Finding(f"room of {name}", "warn", finding, f"Make room in {url}.")
         else:
             yield Finding(f"room of {name}", "ok", f"{free / _MIB:.0f} MiB are free.")
 
@@ -144,20 +144,20 @@ def _reachable(patient: Patient) -> Iterator[Finding]:
 
 
 def _database(settings: Settings, session: Session) -> Iterator[Finding]:
-    found = store.versions(session)
-    if found.postgis is None:
+    server = store.versions(session)
+    if server.postgis is None:
         yield Finding(
-            "database", "fail", f"PostgreSQL {found.postgres} without PostGIS.", "Install PostGIS there."
+            "database", "fail", f"PostgreSQL {server.postgres} without PostGIS.", "Install PostGIS there."
         )
     else:
-        yield Finding("database", "ok", f"PostgreSQL {found.postgres}, PostGIS {found.postgis}")
+        yield Finding("database", "ok", f"PostgreSQL {server.postgres}, PostGIS {server.postgis}")
     standing = migrate.standing(session)
     if not standing.usable:
         yield Finding("schema", "fail", standing.sentence, "Until then neither API nor workers run.")
     else:
-        said = standing.sentence or f"The database is at migration {standing.revision}, as this program."
+        finding = standing.sentence or f"The database is at migration {standing.revision}, as this program."
         yield Finding(
-            "schema", "warn" if standing.newer else "ok", said, "Update the program." * standing.newer
+            "schema", "warn" if standing.newer else "ok", finding, "Update the program." * standing.newer
         )
 
 
@@ -175,32 +175,35 @@ def _clock(settings: Settings, session: Session) -> Iterator[Finding]:
 
 def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
     waiting, workers = figures.queue(session), store.workers(session, settings.stalled_after_s)
-    said = f"{waiting.depth} drives wait"
+    finding = f"{waiting.depth} drives wait"
     if waiting.oldest_wait_s is not None:
-        said += f", the first for {waiting.oldest_wait_s:.0f} s"
-    said += f"; {workers.alive} workers are alive."
+        finding += f", the first for {waiting.oldest_wait_s:.0f} s"
+    finding += f"; {workers.alive} workers are alive."
     if waiting.depth and not workers.alive:
-        yield Finding("queue", "warn", said, "Start `versant worker` or `versant up`.")
+        yield Finding("queue", "warn", finding, "Start `versant worker` or `versant up`.")
     elif (waiting.oldest_wait_s or 0.0) > LONG_WAIT_S:
         yield Finding(
-            "queue", "warn", said, "Start more workers, or wait: uploads go before what is processed again."
+            "queue",
+            "warn",
+            finding,
+            "Start more workers, or wait: uploads go before what is processed again.",
         )
     else:
-        yield Finding("queue", "ok", said)
+        yield Finding("queue", "ok", finding)
     if workers.stuck:
         advice = "A worker that lives puts them back by itself; start one."
         yield Finding(
             "stuck jobs", "warn", f"{workers.stuck} jobs are held by workers that are silent.", advice
         )
     if workers.queued:
-        said = f"{workers.queued} drives wait and have no job, as after an update."
+        finding = f"{workers.queued} drives wait and have no job, as after an update."
         yield Finding(
-            "drives without a job", "warn", said, "A worker gives them one within minutes; start one."
+            "drives without a job", "warn", finding, "A worker gives them one within minutes; start one."
         )
     if workers.running:
-        said = f"{workers.running} drives run and have no job: nobody computes them."
+        finding = f"{workers.running} drives run and have no job: nobody computes them."
         advice = "`versant drives reprocess --drive ID` for each (`versant drives list --status running`)."
-        yield Finding("drives nobody computes", "fail", said, advice)
+        yield Finding("drives nobody computes", "fail", finding, advice)
 
 
 def _cells(settings: Settings, session: Session) -> Iterator[Finding]:
@@ -219,15 +222,15 @@ def _derived(settings: Settings, session: Session) -> Iterator[Finding]:
     if behind.behind_s is None:
         yield Finding("ways and low zooms", "ok", "They show what the segments do.")
         return
-    said = f"They are {behind.behind_s:.0f} s behind the segments; {behind.cells} cells wait to be drawn."
+    finding = f"They are {behind.behind_s:.0f} s behind the segments; {behind.cells} cells wait to be drawn."
     if behind.behind_s > LONG_BEHIND_S:
         advice = (
             "A worker sees to it beside its drives; start one. Where one runs, its log says what is in its way, or a "
             "transaction has been open for so long (pg_stat_activity)."
         )
-        yield Finding("ways and low zooms", "warn", said, advice)
+        yield Finding("ways and low zooms", "warn", finding, advice)
     else:
-        yield Finding("ways and low zooms", "ok", said)
+        yield Finding("ways and low zooms", "ok", finding)
 
 
 def _logs(settings: Settings, session: Session) -> Iterator[Finding]:
@@ -237,15 +240,15 @@ def _logs(settings: Settings, session: Session) -> Iterator[Finding]:
     there = set(keys)
     without = sorted(drive for drive, key in drives.items() if key not in there)
     if without:
-        said = f"{len(without)} drives have lost their logs: {some(without)}."
-        advice = "Bring them back from a backup, or upload them again; what these drives said stays."
-        yield Finding("logs", "fail", said, advice)
+        finding = f"{len(without)} drives have lost their logs: {some(without)}."
+        advice = "Bring them back from a backup, or upload them again; what these drives finding stays."
+        yield Finding("logs", "fail", finding, advice)
     else:
         yield Finding("logs", "ok", f"{len(drives)} drives have their logs.")
     if orphans := unreferenced_blobs(session, keys):
-        said = f"{len(orphans)} logs are of no drive."
+        finding = f"{len(orphans)} logs are of no drive."
         advice = "Workers remove them after VERSANT_ORPHAN_DAYS; `versant sweep` says whether they may."
-        yield Finding("logs without a drive", "warn" if len(orphans) > len(drives) else "ok", said, advice)
+        yield Finding("logs without a drive", "warn" if len(orphans) > len(drives) else "ok", finding, advice)
 
 
 def _elevation(settings: Settings, session: Session) -> Iterator[Finding]:

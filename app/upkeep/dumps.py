@@ -58,8 +58,8 @@ def restore(url: str, source: Path, major: int) -> None:
         chosen.flush()
         options = ["--exit-on-error", "--single-transaction", "--no-owner", "--no-privileges"]
         listed = f"--use-list={chosen.name}"
-        said = "The database cannot be restored, and is empty still"
-        _run([program, *options, listed, f"--dbname={place}", str(source)], secret, said)
+        failed = "The database cannot be restored, and is empty still"
+        _run([program, *options, listed, f"--dbname={place}", str(source)], secret, failed)
 
 
 def _without_extensions(listing: str) -> str:

@@ -72,17 +72,17 @@ class Manifest:
 def read_manifest(folder: Path) -> Manifest | None:
     """The backup in a folder; None where there is none. ``BackupError`` for one that this program cannot read."""
     try:
-        said = json.loads((folder / NAME).read_text(encoding="utf-8"))
+        content = json.loads((folder / NAME).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
         raise BackupError(f"{folder / NAME} cannot be read: {error}. Take another backup.") from error
     try:
-        if said["format"] > FORMAT:
+        if content["format"] > FORMAT:
             raise BackupError(f"The backup in {folder} was made by a newer Versant. Update this one first.")
-        dump, files = Entry(**said.pop("dump")), tuple(Entry(**entry) for entry in said.pop("files"))
-        missing, damaged = tuple(said.pop("missing")), tuple(said.pop("damaged"))
-        manifest = Manifest(dump=dump, files=files, missing=missing, damaged=damaged, **said)
+        dump, files = Entry(**content.pop("dump")), tuple(Entry(**entry) for entry in content.pop("files"))
+        missing, damaged = tuple(content.pop("missing")), tuple(content.pop("damaged"))
+        manifest = Manifest(dump=dump, files=files, missing=missing, damaged=damaged, **content)
     except (KeyError, TypeError) as error:
         raise BackupError(
             f"{folder / NAME} is no list of a backup ({error}). Take another backup."
@@ -98,14 +98,14 @@ def read_manifest(folder: Path) -> Manifest | None:
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:
-    """Make the folder this backup, at once; what was kept for the one before and is not for this one goes."""
+    """Make the folder this backup, at once; files that only the backup before needed are deleted."""
     part = folder / f"{NAME}{_PART}"
     with part.open("w", encoding="utf-8") as file:
         json.dump(asdict(manifest), file, indent=1)
     rename_durably(part, folder / NAME)
     named = {entry.path for entry in (manifest.dump, *manifest.files)}
-    kept = [path for kind in (LOGS, RASTERS) for path in (folder / kind).rglob("*") if path.is_file()]
-    for path in [*kept, *folder.glob(f"{DUMPS}*")]:
+    stored = [path for kind in (LOGS, RASTERS) for path in (folder / kind).rglob("*") if path.is_file()]
+    for path in [*stored, *folder.glob(f"{DUMPS}*")]:
         if path.relative_to(folder).as_posix() not in named:
             path.unlink()
 

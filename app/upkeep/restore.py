@@ -111,15 +111,15 @@ def _require_room(settings: Settings, manifest: Manifest, stored: Set[str]) -> N
     """That files which are not there yet find room, each kind where it goes; the database's needs are its server's."""
     rasters = mirror.local_folder(settings.dem_dir)
     for url, kind in ((settings.blob_store_url, LOGS), (str(rasters), RASTERS)):
-        wanted = sum(
+        needed = sum(
             entry.size_bytes
             for entry, name in manifest.below(kind)
             if not (name in stored if kind == LOGS else (rasters / name).exists())
         )
         free = free_bytes(*file_system(url))
-        if free is not None and free < wanted:
+        if free is not None and free < needed:
             raise BackupError(
-                f"There are {free / _MIB:.0f} MiB free in {url}, and the backup has {wanted / _MIB:.0f} MiB for it. "
+                f"There are {free / _MIB:.0f} MiB free in {url}, and the backup has {needed / _MIB:.0f} MiB for it. "
                 "Make room there first."
             )
 

@@ -24,6 +24,8 @@ from markdown_it.utils import EnvType, OptionsDict
 ADDRESS = "/docs"
 INDEX = "index"
 _COMMENT = re.compile(r"<!--.*?-->\n?", re.DOTALL)
+_OF_THE_SITE = ("_build/", "conf.py", "__pycache__/")
+"""What ``make docs`` needs and makes."""
 _ELSEWHERE = re.compile(r"https?:|mailto:")
 
 
@@ -63,7 +65,10 @@ class Section(NamedTuple):
 @lru_cache(maxsize=1)
 def files() -> dict[str, Path]:
     """Every file of the documents by its path within the folder."""
-    return {path.relative_to(FOLDER).as_posix(): path for path in sorted(FOLDER.rglob("*")) if path.is_file()}
+    named = {
+        path.relative_to(FOLDER).as_posix(): path for path in sorted(FOLDER.rglob("*")) if path.is_file()
+    }
+    return {name: path for name, path in named.items() if not name.startswith(_OF_THE_SITE)}
 
 
 @lru_cache(maxsize=256)

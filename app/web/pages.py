@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import mimetypes
+from collections.abc import Callable
 from functools import lru_cache
 from hashlib import sha256
 from html import escape
@@ -16,7 +17,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi import Path as PathParameter
 
 from app.core.errors import NotFoundError
-from app.core.http import REVALIDATE, ServiceDep, etag_matches
+from app.core.http import REVALIDATE, ServiceDep, not_modified
 from app.core.settings import Settings
 from app.core.version import code_version
 
@@ -24,7 +25,7 @@ BUILT = (Path(__file__).parent / "built").resolve()
 FOR_EVER = "public, max-age=31536000, immutable"
 """Files below ``assets/`` are named by what is in them."""
 PLACE = '<meta name="versant" content="{}"'
-"""Where a page is told what the service has set."""
+"""The element of a page that holds the service's settings."""
 WITHOUT_SCRIPTS = "</noscript>"
 """What is seen without scripts ends here."""
 CONTENT = '<div id="page">'
@@ -119,42 +120,33 @@ def page_answer(
 def file_answer(request: Request, file: File, headers: dict[str, str]) -> Response:
     """A file, compressed where the client takes that, or that it has not changed."""
     headers |= {"ETag": file.etag, "Vary": "Accept-Encoding"}
-    if etag_matches(request, file.etag):
-        return Response(status_code=304, headers=headers)
+    if unchanged := not_modified(request, headers):
+        return unchanged
     if "gzip" in request.headers.get("accept-encoding", ""):
         headers |= {"Content-Encoding": "gzip"}
         return Response(file.compressed, media_type=file.media_type, headers=headers)
     return Response(file.content, media_type=file.media_type, headers=headers)
 
 
-@router.get("/map")
-def map_page(request: Request, service: ServiceDep) -> Response:
-    """The map."""
-    return page_answer(request, service.settings, "map")
+PAGES = {
+    "/map": "map",
+    "/upload": "upload",
+    "/drives": "drives",
+    "/drives/{drive_id}": "drive",
+    "/admin": "admin",
+}
+"""Address -> page; that of a drive itself says where there is none."""
 
 
-@router.get("/upload")
-def upload_page(request: Request, service: ServiceDep) -> Response:
-    """Where logs are uploaded."""
-    return page_answer(request, service.settings, "upload")
+def _route_of(name: str) -> Callable[[Request, ServiceDep], Response]:
+    def page(request: Request, service: ServiceDep) -> Response:
+        return page_answer(request, service.settings, name)
+
+    return page
 
 
-@router.get("/drives")
-def drives_page(request: Request, service: ServiceDep) -> Response:
-    """The list of drives."""
-    return page_answer(request, service.settings, "drives")
-
-
-@router.get("/drives/{drive_id}")
-def drive_page(request: Request, service: ServiceDep, drive_id: str) -> Response:
-    """One drive; the page itself says where there is none."""
-    return page_answer(request, service.settings, "drive")
-
-
-@router.get("/admin")
-def admin_page(request: Request, service: ServiceDep) -> Response:
-    """The operators' dashboard."""
-    return page_answer(request, service.settings, "admin")
+for _address, _name in PAGES.items():
+    router.get(_address)(_route_of(_name))
 
 
 @router.get("/web/{name:path}")

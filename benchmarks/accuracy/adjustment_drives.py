@@ -190,14 +190,14 @@ class Synthetic:
         x0, y0, x1, y1 = self.ends[rows].T
         along = forward[:, None] * np.column_stack([x1 - x0, y1 - y0])
         along /= np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
-        kept = np.exp(-took_s / PLACE_TAU_S)
-        return self.place_m * np.sqrt(kept)[:, None] * along, self.place_m * np.sqrt(1 - kept)
+        decay = np.exp(-took_s / PLACE_TAU_S)
+        return self.place_m * np.sqrt(decay)[:, None] * along, self.place_m * np.sqrt(1 - decay)
 
     def _positions(self, parts: int) -> Floats:
         """Errors of positions in each part of a drive, to the east and the north, in sigmas: (parts, 2)."""
-        kept, out = np.exp(-PLACE_PART_S / PLACE_TAU_S), self.rng.normal(size=(parts, 2))
+        decay, out = np.exp(-PLACE_PART_S / PLACE_TAU_S), self.rng.normal(size=(parts, 2))
         for k in range(1, parts):
-            out[k] = kept * out[k - 1] + np.sqrt(1 - kept**2) * out[k]
+            out[k] = decay * out[k - 1] + np.sqrt(1 - decay**2) * out[k]
         return out
 
     def _walk(self, n: int, rate: float) -> Floats:

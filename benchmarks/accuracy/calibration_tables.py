@@ -123,11 +123,11 @@ def uniformity(z: Floats) -> tuple[float, float]:
 
 def rank_row(sensors: str, drives: str, draws: Sequence[Draw]) -> Row:
     """Whether ranks are uniform: of all slopes, and of one a draw."""
-    every, one = np.concatenate([d.z for d in draws]), np.array([d.z[d.one] for d in draws])
-    row: Row = {"set": sensors, "drives": drives, "slopes": len(every), "draws": len(one)}
-    row["chi_square"], row["p"] = uniformity(every)
+    all_z, one = np.concatenate([d.z for d in draws]), np.array([d.z[d.one] for d in draws])
+    row: Row = {"set": sensors, "drives": drives, "slopes": len(all_z), "draws": len(one)}
+    row["chi_square"], row["p"] = uniformity(all_z)
     row["chi_square_of_one"], row["p_of_one"] = uniformity(one)
-    row["bins"] = np.histogram(stats.norm.cdf(-every), RANK_BINS, (0.0, 1.0))[0].tolist()
+    row["bins"] = np.histogram(stats.norm.cdf(-all_z), RANK_BINS, (0.0, 1.0))[0].tolist()
     return row
 
 

@@ -147,10 +147,10 @@ def places(change: Change) -> list[ModuleType]:
         raise LookupError(f"{change.module} has no constant {change.name}")
     value = getattr(home, change.name)
     loaded = [m for name, m in sorted(sys.modules.items()) if name.startswith(ROOMS)]
-    found = [m for m in loaded if getattr(m, change.name, None) is value and _looks_up(m, change.name)]
-    if not found:
+    modules = [m for m in loaded if getattr(m, change.name, None) is value and _looks_up(m, change.name)]
+    if not modules:
         raise LookupError(f"no function looks up {change.name} of {change.module}: changing it does nothing")
-    return found
+    return modules
 
 
 def _looks_up(module: ModuleType, name: str) -> bool:

@@ -74,8 +74,8 @@ def outside_blocks(
     Blocks begin at random epochs and may meet; the last is cut short, so that the share is kept to an epoch.
     """
     keep = np.ones(len(time_s), bool)
-    wanted = int(share * len(time_s))
-    while (missing := wanted - int(np.count_nonzero(~keep))) > 0:
+    missing_rows = int(share * len(time_s))
+    while (missing := missing_rows - int(np.count_nonzero(~keep))) > 0:
         begin = rng.choice(time_s[keep])
         block = keep & (time_s >= begin) & (time_s < begin + rng.uniform(*lengths_s))
         keep[np.flatnonzero(block)[:missing]] = False
@@ -101,7 +101,7 @@ def low_passed(time_s: Floats, values: Floats, tau_s: float) -> Floats:
     """A low-pass of the first order with a time constant; nothing is shown where nothing was measured."""
     out, state, last_s = np.full(len(values), np.nan), np.nan, np.nan
     for k in np.flatnonzero(np.isfinite(values)):
-        kept = np.exp(-(time_s[k] - last_s) / tau_s) if np.isfinite(state) else 0.0
-        state = values[k] if kept == 0.0 else kept * state + (1 - kept) * values[k]
+        decay = np.exp(-(time_s[k] - last_s) / tau_s) if np.isfinite(state) else 0.0
+        state = values[k] if decay == 0.0 else decay * state + (1 - decay) * values[k]
         out[k], last_s = state, time_s[k]
     return out

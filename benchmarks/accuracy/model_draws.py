@@ -95,8 +95,8 @@ def draw_drive(rng: np.random.Generator, road: DrawnRoad, number: int, lag_s: fl
         baro_m=_height_level(rng, BARO_M, rate, "baro_m"),
         baro_drift=float(log_uniform(rng, BARO_DRIFT_M2_PER_S)),
     )
-    t, gone, speed, acceleration = _motion(rng, float(road.node_m[-1]), 1 / rate)
-    along = gone if forward else road.node_m[-1] - gone
+    t, along_m, speed, acceleration = _motion(rng, float(road.node_m[-1]), 1 / rate)
+    along = along_m if forward else road.node_m[-1] - along_m
     height, grade = road.height_and_grade(along)
     grade = grade if forward else -grade
     behind = late * (lag_s * speed - 0.5 * lag_s**2 * acceleration)
@@ -149,11 +149,11 @@ def _motion(
     swing = rng.uniform(0, 1) * min(mean - low, high - mean)
     pace, phase = 2 * np.pi / rng.uniform(30, 90), rng.uniform(0, 2 * np.pi)
     t = np.arange(0.0, length_m / low + 1, step_s)
-    gone = mean * t - swing / pace * (np.cos(pace * t + phase) - np.cos(phase)) + rng.uniform(0, 2)
+    along_m = mean * t - swing / pace * (np.cos(pace * t + phase) - np.cos(phase)) + rng.uniform(0, 2)
     speed = mean + swing * np.sin(pace * t + phase)
     acceleration = swing * pace * np.cos(pace * t + phase)
-    on = gone < length_m
-    return t[on], gone[on], speed[on], acceleration[on]
+    on = along_m < length_m
+    return t[on], along_m[on], speed[on], acceleration[on]
 
 
 def _fixes(
@@ -194,8 +194,8 @@ def _fixes(
 
 def _wander(rng: np.random.Generator, time_s: Floats, sigma: float, tau_s: float) -> Floats:
     """A Gauss-Markov process of this size and correlation time."""
-    kept = np.exp(-np.diff(time_s) / tau_s)
+    decay = np.exp(-np.diff(time_s) / tau_s)
     out = sigma * rng.normal(size=len(time_s))
     for k in range(1, len(out)):
-        out[k] = kept[k - 1] * out[k - 1] + np.sqrt(1 - kept[k - 1] ** 2) * out[k]
+        out[k] = decay[k - 1] * out[k - 1] + np.sqrt(1 - decay[k - 1] ** 2) * out[k]
     return np.asarray(out)

@@ -60,10 +60,10 @@ def poor_log(
     """What a receiver recorded, with a rung's columns and heights; ``NOISE_FREE`` has exact ones. ``every_s`` None: as
     often as it was recorded. Each sequence and seed has one file in ``folder``, which the next rung overwrites.
     """
-    whole = make_log(tool, sequence, seed, folder, receiver)
+    full_log = make_log(tool, sequence, seed, folder, receiver)
     if rung.columns is None and every_s is None:
-        return whole
-    columns = read_columns(whole)
+        return full_log
+    columns = read_columns(full_log)
     left = columns if rung.columns is None else only(columns, rung.columns)
     if rung.barometer or rung.altimeter:
         exact_m = read_columns(make_log(tool, sequence, seed, folder, NOISE_FREE))["alt_msl_m"]

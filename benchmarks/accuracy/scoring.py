@@ -36,14 +36,14 @@ class Errors:
     wanted: int
 
     @classmethod
-    def of(cls, truth: Truth, got: Slopes) -> Errors:
+    def of(cls, truth: Truth, estimates: Slopes) -> Errors:
         """What slopes are wrong by."""
-        both = [key for key in truth if key in got]
+        both = [key for key in truth if key in estimates]
         true = np.array([truth[key] for key in both], float).reshape(-1, 3)
-        found = np.array([got[key] for key in both], float).reshape(-1, 2)
+        values = np.array([estimates[key] for key in both], float).reshape(-1, 2)
         return cls(
-            error_percent=found[:, 0] - true[:, 0],
-            sigma_percent=found[:, 1],
+            error_percent=values[:, 0] - true[:, 0],
+            sigma_percent=values[:, 1],
             true_percent=true[:, 0],
             length_m=true[:, 2],
             driven_share=true[:, 1] / true[:, 2],
@@ -123,17 +123,17 @@ def figures(runs: Sequence[Sequence[Errors]]) -> Row | None:
     def by_log(name: str) -> list[float]:
         return [float(np.mean([getattr(e, name) for e in run])) for run in counted]
 
-    whole = Errors.pooled([e for run in counted for e in run])
+    pooled = Errors.pooled([e for run in counted for e in run])
     return {
         "rmse_percent": float(np.mean(by_log("rmse"))),
         "rmse_spread": float(np.std(by_log("rmse"))),
         "weighted_rmse_percent": float(np.mean(by_log("weighted_rmse"))),
         "p90_percent": float(np.mean(by_log("p90"))),
         "coverage": float(np.mean([e.coverage for run in runs for e in run])),
-        "within_95": whole.within_95,
-        "z_rms": whole.z_rms,
+        "within_95": pooled.within_95,
+        "z_rms": pooled.z_rms,
         "wrong_sign": float(np.mean(by_log("wrong_sign"))),
-        "segments": len(whole),
+        "segments": len(pooled),
     }
 
 

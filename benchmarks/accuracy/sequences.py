@@ -69,7 +69,7 @@ def find_sequences(folder: Path, tool: ModuleType | None = None) -> list[Sequenc
     """Every sequence in ``folder``; ``tool`` is ``roadtruth``, asked for a truth that is not there."""
     tiles = sorted([*folder.glob("*.hgt"), *folder.glob("*.tif")])
     dem = Dem.open(tiles) if tiles else None
-    found = [
+    sequences = [
         Sequence(
             name=reference.stem.removeprefix("ref_"),
             truth=read_truth(reference.with_name(reference.name.replace("ref_", "truth_"))),
@@ -81,19 +81,19 @@ def find_sequences(folder: Path, tool: ModuleType | None = None) -> list[Sequenc
         for reference in sorted(folder.glob("ref_*.csv"))
     ]
     if (folder / "log.csv").exists():
-        found.append(_recorded(folder, dem, tool))
-    if not found:
+        sequences.append(_recorded(folder, dem, tool))
+    if not sequences:
         sys.exit(f"{folder}: neither ref_*.csv nor log.csv")
-    return found
+    return sequences
 
 
 def _recorded(folder: Path, dem: Dem | None, tool: ModuleType | None) -> Sequence:
     """The real log of a folder."""
     reference, truth = folder / "ref.csv", folder / "truth.csv"
-    known = read_truth(truth) if truth.exists() else made_truth(tool, reference, folder / "roads.osm")
+    truths = read_truth(truth) if truth.exists() else made_truth(tool, reference, folder / "roads.osm")
     return Sequence(
         name=folder.name,
-        truth=known,
+        truth=truths,
         roads=read_roads(folder / "roads.osm"),
         dem=dem,
         reference=reference if reference.exists() else None,
@@ -155,10 +155,10 @@ def tool_beside(folder: Path, name: str = "roadtruth.py") -> Path:
 
 def quietly(command: Any, **arguments: object) -> str:
     """Run a tool's command with these arguments; returns what it would have printed."""
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said):
+    messages = io.StringIO()
+    with contextlib.redirect_stdout(messages):
         command(SimpleNamespace(**arguments))
-    return said.getvalue()
+    return messages.getvalue()
 
 
 def make_log(

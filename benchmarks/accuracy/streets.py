@@ -78,5 +78,5 @@ def truth_of(street: Town) -> Truth:
     keys: list[Key] = list(
         zip(roads.osm_way_id.tolist(), roads.from_node.tolist(), roads.to_node.tolist(), strict=True)
     )
-    known = zip(keys, street.true_slope_percent.tolist(), street.length_m.tolist(), strict=True)
-    return {key: TrueSlope(slope, length, length) for key, slope, length in known}
+    rows = zip(keys, street.true_slope_percent.tolist(), street.length_m.tolist(), strict=True)
+    return {key: TrueSlope(slope, length, length) for key, slope, length in rows}

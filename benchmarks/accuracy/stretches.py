@@ -110,7 +110,7 @@ class _Graph:
         """By place the shortest way to it of an allowed length."""
         nodes = self.roads.E[start[0]]
         far, before = dijkstra(self.roads.graph, indices=nodes, limit=LONGEST_M, return_predecessors=True)
-        found: dict[int, Way] = {}
+        ways: dict[int, Way] = {}
         for j, goal in enumerate(places):
             lengths = {
                 (a, b): self._lead_m(start, a) + far[a, self.roads.E[goal[0]][b]] + self._lead_m(goal, b)
@@ -121,8 +121,8 @@ class _Graph:
                 a, b = min(allowed, key=lambda ends: allowed[ends])
                 middle = self._path(before[a], int(nodes[a]), int(self.roads.E[goal[0]][b]))
                 back = {k: -share for k, share in self._lead(goal, b).items()}
-                found[j] = (float(allowed[a, b]), _added(self._lead(start, a), middle, back))
-        return found
+                ways[j] = (float(allowed[a, b]), _added(self._lead(start, a), middle, back))
+        return ways
 
     def _lead_m(self, place: Place, end: int) -> float:
         """From a place to an end of its segment."""

@@ -51,8 +51,8 @@ def ogr2ogr(address: str, folder: Path, options: Sequence[str] = ()) -> Reading:
     )
     seconds = time.perf_counter() - began
     frame = pyogrio.read_dataframe(target, layer=COLLECTION)
-    said = _run("ogrinfo", "--version").split(",")[0]
-    return Reading(frame_rows(frame), NAMES, said, frame_kinds(frame), seconds=seconds)
+    version = _run("ogrinfo", "--version").split(",")[0]
+    return Reading(frame_rows(frame), NAMES, version, frame_kinds(frame), seconds=seconds)
 
 
 def in_pyogrio(address: str, folder: Path) -> Reading:
@@ -74,15 +74,15 @@ def owslib(address: str, folder: Path) -> Reading:
     client = Features(address)
     if COLLECTION not in client.feature_collections():
         raise RuntimeError(f"OWSLib does not see {COLLECTION}: {client.feature_collections()}")
-    found: list[dict[str, Any]] = []
+    features: list[dict[str, Any]] = []
     parameters: dict[str, Any] = {"limit": PAGE}
     while parameters:
         page = client.collection_items(COLLECTION, **parameters)
-        found += page["features"]
+        features += page["features"]
         following = [link["href"] for link in page["links"] if link["rel"] == "next"]
         parameters = dict(parse_qsl(urlsplit(following[0]).query)) if following else {}
     seconds = time.perf_counter() - began
-    return Reading(map(geojson_row, found), NAMES, version("OWSLib"), seconds=seconds)
+    return Reading(map(geojson_row, features), NAMES, version("OWSLib"), seconds=seconds)
 
 
 QGIS_SCRIPT = """
@@ -124,11 +124,11 @@ def qgis(address: str, folder: Path) -> Reading:
     """
     began = time.perf_counter()
     environment = {"QT_QPA_PLATFORM": "offscreen", "HOME": str(folder), "PATH": "/usr/bin:/bin", "TZ": "UTC"}
-    said = _run(
+    output = _run(
         SYSTEM_PYTHON, "-c", QGIS_SCRIPT, f"{address}/", str(PAGE), environment=environment
     ).splitlines()
     seconds = time.perf_counter() - began
-    lines = [json.loads(line) for line in said if line.startswith(("{", "["))]
+    lines = [json.loads(line) for line in output if line.startswith(("{", "["))]
     about, features = lines[0], lines[1:]
     kinds = {name: QGIS_KINDS.get(kind.lower(), kind) for name, kind in about["types"].items()}
     rows = ({**values, **dict(zip(ENDS, ends, strict=True))} for values, *ends in features)
@@ -163,9 +163,9 @@ def _kind(dtype: str) -> str:
 
 def _run(*command: str, environment: Mapping[str, str] | None = None) -> str:
     """What a program prints; RuntimeError with what it complains of."""
-    done = subprocess.run(
+    process = subprocess.run(
         command, capture_output=True, text=True, check=False, timeout=LIMIT_S, env=environment
     )
-    if done.returncode or "ERROR" in done.stderr:
-        raise RuntimeError(f"{command[0]}: {done.stderr.strip()[-500:]}")
-    return done.stdout
+    if process.returncode or "ERROR" in process.stderr:
+        raise RuntimeError(f"{command[0]}: {process.stderr.strip()[-500:]}")
+    return process.stdout

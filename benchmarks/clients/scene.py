@@ -82,10 +82,10 @@ def fill(sessions: Sessions) -> None:
         show_progress(f"drive {number + 1} of {DRIVES}")
         rows = np.flatnonzero((rng.random(len(ways)) < DRIVEN_SHARE)[way])
         sigma = np.exp(rng.uniform(np.log(0.15), np.log(3.0), len(ways)))[way]
-        said = np.clip(grade + sigma * rng.standard_normal(len(ways))[way] * 0.3, -30, 30)
+        slope = np.clip(grade + sigma * rng.standard_normal(len(ways))[way] * 0.3, -30, 30)
         first_s = START_S + number * APART_S
         estimates = [
-            SegmentSlope(int(k), float(said[k]), float(sigma[k]), 5, 1, first_s + n, first_s + n + 0.9)
+            SegmentSlope(int(k), float(slope[k]), float(sigma[k]), 5, 1, first_s + n, first_s + n + 0.9)
             for n, k in enumerate(rows)
         ]
         _add(sessions, ids, estimates, first_s)

@@ -81,11 +81,11 @@ class Truth:
         """Compare checksums over all that the client knows of each segment, and its kinds with the contract's."""
         if reading.names not in self._checksums:
             self._checksums[reading.names] = checksum(self.rows, reading.names)[1]
-        count, found = checksum(reading.rows, reading.names)
+        count, digest = checksum(reading.rows, reading.names)
         wrong = {name: kind for name, kind in reading.kinds.items() if EXPECTED_KINDS.get(name, kind) != kind}
-        equal = count == len(self) and found == self._checksums[reading.names]
+        equal = count == len(self) and digest == self._checksums[reading.names]
         return Verdict(
-            client, reading.version, count, equal, found[:12], wrong, reading.seconds, reading.remarks
+            client, reading.version, count, equal, digest[:12], wrong, reading.seconds, reading.remarks
         )
 
     def difference(self, reading: Reading) -> str:
@@ -113,7 +113,7 @@ def _missing(value: Any) -> bool:
     return value is None or value is pandas.NaT or (isinstance(value, float) and math.isnan(value))
 
 
-def _whole(value: Any) -> str:
+def _as_text(value: Any) -> str:
     return "" if _missing(value) else str(int(value)) if int(value) == value else repr(value)
 
 
@@ -136,16 +136,16 @@ def _time(value: Any) -> str:
 
 def _texts() -> dict[str, Callable[[Any], str]]:
     by_kind: dict[str, Callable[[Any], str]] = {
-        "integer": _whole,
+        "integer": _as_text,
         "text": lambda value: "" if _missing(value) else str(value),
         "boolean": lambda value: "" if _missing(value) else str(bool(value)),
         "time": _time,
     }
-    found = {}
+    kinds = {}
     for name, column in COLUMNS.items():
         digits = column.digits
-        found[name] = by_kind[EXPECTED_KINDS[name]] if digits is None else _fraction(digits)
-    return found | dict.fromkeys(ENDS, _fraction(COORDINATE_DIGITS))
+        kinds[name] = by_kind[EXPECTED_KINDS[name]] if digits is None else _fraction(digits)
+    return kinds | dict.fromkeys(ENDS, _fraction(COORDINATE_DIGITS))
 
 
 _TEXTS = _texts()

@@ -45,10 +45,10 @@ def in_gdal(address: str, folder: Path, suffix: str = "mvt") -> Reading:
         CLIP="NO",
     )
     seconds = time.perf_counter() - began
-    found = {int(row["mvt_id"]): {**row, "id": int(row["mvt_id"])} for row in frame.to_dict("records")}
+    rows = {int(row["mvt_id"]): {**row, "id": int(row["mvt_id"])} for row in frame.to_dict("records")}
     gdal = ".".join(map(str, pyogrio.__gdal_version__))
-    said = f"{len(frame)} parts of lines in tiles of zoom {ZOOM}, .{suffix}"
-    return Reading(found.values(), NAMES, gdal, _kinds(frame), said, seconds)
+    summary = f"{len(frame)} parts of lines in tiles of zoom {ZOOM}, .{suffix}"
+    return Reading(rows.values(), NAMES, gdal, _kinds(frame), summary, seconds)
 
 
 def _kinds(frame: pandas.DataFrame) -> dict[str, str]:
@@ -124,8 +124,8 @@ def in_browser(address: str, folder: Path, maplibre: Path) -> Reading:
     undrawn = [row["id"] for row in rows if row["id"] not in drawn]
     if undrawn:
         raise RuntimeError(f"{len(undrawn)} segments are in tiles and not drawn, such as {undrawn[:3]}")
-    said = f"{len(drawn)} drawn, {len(result['asked'])} requests, all to this service"
-    return Reading(rows, NAMES, f"{result['version']}", remarks=said, seconds=seconds)
+    summary = f"{len(drawn)} drawn, {len(result['asked'])} requests, all to this service"
+    return Reading(rows, NAMES, f"{result['version']}", remarks=summary, seconds=seconds)
 
 
 def places(bounds: Box) -> list[tuple[float, float]]:
@@ -151,7 +151,7 @@ Results = Callable[["subprocess.Popen[bytes]"], dict[str, Any]]
 @contextmanager
 def page_server(page: str, maplibre: Path) -> Iterator[tuple[str, Results]]:
     """Serves the page and the library on the loopback, and takes what the page found."""
-    arrived, found = threading.Event(), {}
+    arrived, received = threading.Event(), {}
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
@@ -165,7 +165,7 @@ def page_server(page: str, maplibre: Path) -> Iterator[tuple[str, Results]]:
                 self.send_error(204 if self.path == "/favicon.ico" else 404)
 
         def do_POST(self) -> None:
-            found.update(json.loads(self.rfile.read(int(self.headers["content-length"]))))
+            received.update(json.loads(self.rfile.read(int(self.headers["content-length"]))))
             self._answer(b"", "text/plain")
             arrived.set()
 
@@ -184,7 +184,7 @@ def page_server(page: str, maplibre: Path) -> Iterator[tuple[str, Results]]:
         while not arrived.wait(0.1):
             if process.poll() is not None or time.monotonic() > ends:
                 raise RuntimeError("the browser ended without a result")
-        return found
+        return received
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     thread = threading.Thread(target=partial(server.serve_forever, poll_interval=0.05))
@@ -225,9 +225,9 @@ def hosts_of(addresses: list[str]) -> set[str]:
 
 def hosts_in(net_log: Path) -> set[str]:
     """The hosts that pages asked for, by Chromium's own log. Errands of its own, which go nowhere, are no page's."""
-    found = set()
+    hosts = set()
     for text in net_log.read_text(errors="replace").splitlines():
         if '"initiator":"http' in text and '"url":' in text:
-            asked = json.loads(text.strip().removesuffix("]}").removesuffix(",")).get("params", {})
-            found |= hosts_of([asked["url"]] if "url" in asked else [])
-    return found
+            params = json.loads(text.strip().removesuffix("]}").removesuffix(",")).get("params", {})
+            hosts |= hosts_of([params["url"]] if "url" in params else [])
+    return hosts

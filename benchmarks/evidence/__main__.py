@@ -107,10 +107,15 @@ class Street:
             took_s = time.perf_counter() - begin
         with swap.snapshot(self.sessions) as session:
             begin = time.perf_counter()
-            found, _ = solve.solve_around(session, set(self.ids.tolist()))
+            solution, _ = solve.solve_around(session, set(self.ids.tolist()))
             whole_s = time.perf_counter() - begin
         size = sum(len(p.factor.encode()) for p in read)
-        return found, {"rows": len(read) / SEGMENTS, "kB": size / 1e3, "read_s": took_s, "solve_s": whole_s}
+        return solution, {
+            "rows": len(read) / SEGMENTS,
+            "kB": size / 1e3,
+            "read_s": took_s,
+            "solve_s": whole_s,
+        }
 
 
 @dataclass
@@ -142,20 +147,20 @@ def the_street() -> RoadTable:
     return road_through(lon, lat, np.arange(1, SEGMENTS + 1), np.arange(SEGMENTS + 1))
 
 
-def drives_along(made: Synthetic) -> Iterator[list[PassFactor]]:
+def drives_along(synthetic: Synthetic) -> Iterator[list[PassFactor]]:
     """One drive after the other, there and back by turns."""
     for number in count(1):
-        yield made.drive(list(range(SEGMENTS))[:: 1 if number % 2 else -1])
+        yield synthetic.drive(list(range(SEGMENTS))[:: 1 if number % 2 else -1])
 
 
-def summing(street: Street, summed: Written) -> Callable[[Sessions, swap.Found], None]:
+def summing(street: Street, summed: Written) -> Callable[[Sessions, swap.Proposal], None]:
     """``swap.condense_old_passes``, measured."""
     genuine = swap.condense_old_passes
 
-    def measured(sessions: Sessions, found: swap.Found) -> None:
+    def measured(sessions: Sessions, evidence: swap.Proposal) -> None:
         before = int(street.one("SELECT count(*) FROM drive_passes WHERE condensed_weight IS NOT NULL"))
         wal, begin = street.wal_bytes(), time.perf_counter()
-        genuine(sessions, found)
+        genuine(sessions, evidence)
         summed.seconds += time.perf_counter() - begin
         summed.wal += street.wal_bytes() - wal
         summed.passes += int(
@@ -166,13 +171,13 @@ def summing(street: Street, summed: Written) -> Callable[[Sessions, swap.Found],
     return measured
 
 
-def compared(found: solve.Solution, every: solve.Solution) -> dict[str, float]:
+def compared(condensed: solve.Solution, full: solve.Solution) -> dict[str, float]:
     """How far slopes with sums are from those without, in their sigmas, and sigmas over theirs."""
-    one, whole = found.result, every.result
+    one, reference = condensed.result, full.result
     assert one is not None  # noqa: S101 - the street is driven
-    assert whole is not None  # noqa: S101
-    moved = np.abs(one.slope_percent - whole.slope_percent) / whole.slope_sigma_percent
-    share = one.slope_sigma_percent / whole.slope_sigma_percent
+    assert reference is not None  # noqa: S101
+    moved = np.abs(one.slope_percent - reference.slope_percent) / reference.slope_sigma_percent
+    share = one.slope_sigma_percent / reference.slope_sigma_percent
     return {
         "moved_median": float(np.median(moved)), "moved_most": float(moved.max()),
         "sigma_least": float(share.min()), "sigma_median": float(np.median(share)), "sigma_most": float(share.max()),
@@ -180,12 +185,12 @@ def compared(found: solve.Solution, every: solve.Solution) -> dict[str, float]:
 
 
 def grown(
-    street: Street, every: Street, made: Synthetic, most: int, without: int
+    street: Street, full: Street, synthetic: Synthetic, most: int, without: int
 ) -> tuple[list[dict[str, Any]], list[Written]]:
     """A row for each step; and what was written for passes that were appended and summed."""
     rows: list[dict[str, Any]] = []
     appended, summed = Written(), Written()
-    source, stored = drives_along(made), 0
+    source, stored = drives_along(synthetic), 0
     for step in (s for s in STEPS if s <= most):
         while stored < step:
             batch = [next(source) for _ in range(min(condensed.RECENT_PASSES, step - stored))]
@@ -194,15 +199,17 @@ def grown(
             with patch.object(swap, "condense_old_passes", summing(street, summed)):
                 swap.solve_all_marked(street.sessions)
             if stored < without:
-                store(every, batch)
+                store(full, batch)
             stored += len(batch)
             show_progress(f"{stored} of {most} passes a segment")
         street.vacuum()
-        found, figures = street.solved()
+        with_condensed, figures = street.solved()
         row: dict[str, Any] = {"passes": step, **figures}
         if step <= without:
-            whole, figures = every.solved()
-            row |= {f"without_{name}": value for name, value in figures.items()} | compared(found, whole)
+            reference, figures = full.solved()
+            row |= {f"without_{name}": value for name, value in figures.items()} | compared(
+                with_condensed, reference
+            )
         rows.append(row)
     return rows, [appended, summed]
 
@@ -244,25 +251,25 @@ def main() -> None:
     parser.add_argument("--without", type=int, default=300, help="up to so many also without sums")
     parser.add_argument("--jury", type=int, default=condensed.RECENT_PASSES)
     parser.add_argument("--json", type=Path, help="write the figures to this file as well")
-    wanted = parser.parse_args()
-    condensed.RECENT_PASSES = wanted.jury
+    args = parser.parse_args()
+    condensed.RECENT_PASSES = args.jury
     table = the_street()
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
         EmbeddedPostgres(Path(folder)) as cluster,
     ):
-        street, every = (Street.new(cluster, name, table) for name in ("sums", "every"))
-        rows, (appended, summed) = grown(street, every, Synthetic(table), wanted.most, wanted.without)
+        street, full = (Street.new(cluster, name, table) for name in ("sums", "every"))
+        rows, (appended, summed) = grown(street, full, Synthetic(table), args.most, args.without)
         turned, stored = verdicts(street), sizes(street)
         street.engine.dispose()
-        every.engine.dispose()
+        full.engine.dispose()
     written = {"appended": appended, "summed": summed, "verdict": turned}
-    print(f"A street of {SEGMENTS} segments, a jury of {wanted.jury}; a solution of the whole street:")
+    print(f"A street of {SEGMENTS} segments, a jury of {args.jury}; a solution of the whole street:")
     print(text_table(rows, STEP_COLUMNS), end="\n\n")
     print(text_table([one.row(name) for name, one in written.items()], WRITTEN_COLUMNS), end="\n\n")
     print(text_table([{"kind": kind, "bytes": size} for kind, size in stored.items()], STORED_COLUMNS))
     write_json(
-        wanted.json, {"steps": rows, "written": {k: vars(v) for k, v in written.items()}, "stored": stored}
+        args.json, {"steps": rows, "written": {k: vars(v) for k, v in written.items()}, "stored": stored}
     )
 
 

@@ -90,13 +90,13 @@ class Row:
     @property
     def faults(self) -> list[str]:
         """What is beyond the bounds, in words."""
-        found = []
-        for kind, seen in self.kinds.items():
-            if not seen.p99_s < MOST_P99_S:
-                found.append(f"{self.attack}: p99 of {kind} is {seen.p99_s:.2f} s")
-            if seen.longest_away_s > MOST_AWAY_S:
-                found.append(f"{self.attack}: {kind} was turned away for {seen.longest_away_s:.1f} s")
-        return found
+        lines = []
+        for kind, answers in self.kinds.items():
+            if not answers.p99_s < MOST_P99_S:
+                lines.append(f"{self.attack}: p99 of {kind} is {answers.p99_s:.2f} s")
+            if answers.longest_away_s > MOST_AWAY_S:
+                lines.append(f"{self.attack}: {kind} was turned away for {answers.longest_away_s:.1f} s")
+        return lines
 
 
 def main() -> None:
@@ -178,8 +178,8 @@ def make(
     outcomes = {}
     for name, attacker in attackers.items():
         try:
-            said, _ = attacker.communicate(timeout=seconds + 60)
-            outcomes[name] = json.loads(said)
+            output, _ = attacker.communicate(timeout=seconds + 60)
+            outcomes[name] = json.loads(output)
         except (subprocess.TimeoutExpired, ValueError):
             attacker.kill()
             attacker.wait()
@@ -198,16 +198,16 @@ def states_after(service: Attacked, drives: Sequence[str], patience_s: float) ->
 
 
 def _state(service: Attacked, drive: str) -> str:
-    status, said = service.get(f"/v1/drives/{drive}")
-    return str(json.loads(said)["status"]) if status == 200 else str(status or "no answer")
+    status, document = service.get(f"/v1/drives/{drive}")
+    return str(json.loads(document)["status"]) if status == 200 else str(status or "no answer")
 
 
 def _upload(service: Attacked, log: bytes) -> str:
     client = Client(service.port, "", "", iter(()))
-    status, said = client.ask("upload", "POST", "/v1/drives", log)
+    status, document = client.ask("upload", "POST", "/v1/drives", log)
     if status != 202:
-        sys.exit(f"a drive was not taken: {status} {said.decode(errors='replace')}")
-    return str(json.loads(said)["id"])
+        sys.exit(f"a drive was not taken: {status} {document.decode(errors='replace')}")
+    return str(json.loads(document)["id"])
 
 
 def _logs(town: Town, folder: Path, begin: int, count: int) -> list[bytes]:
@@ -247,10 +247,10 @@ def report(rows: Sequence[Row], wrong: Sequence[str]) -> list[str]:
 def _cells(row: Row) -> dict[str, Any]:
     slow, slowest = row.slowest
     kind, away = row.away
-    longest_s = max(seen.max_s for seen in row.kinds.values())
+    longest_s = max(answers.max_s for answers in row.kinds.values())
     return {
         "attack": row.attack,
-        "asked": str(sum(seen.requests for seen in row.kinds.values())),
+        "asked": str(sum(answers.requests for answers in row.kinds.values())),
         "p50": f"{slowest.p50_s:.3f}",
         "p99": f"{slowest.p99_s:.2f} {slow}",
         "max": f"{longest_s:.2f}",

@@ -57,9 +57,9 @@ class Attack:
     def prepared(self, make: Callable[[], bytes]) -> bytes:
         """What an attack sends; the time that it takes to make it is not the attack's."""
         began = time.monotonic()
-        made = make()
+        connection = make()
         self.ends_s += time.monotonic() - began
-        return made
+        return connection
 
     def ask(self, method: str, path: str, body: bytes | None = None, content_type: str | None = None) -> None:
         """One request; its status is counted."""
@@ -78,12 +78,12 @@ class Attack:
     def connect(self) -> socket.socket | None:
         """A connection; None where it is refused."""
         try:
-            made = socket.create_connection((TARGET, self.port), 2.0, (self.source, 0))
+            connection = socket.create_connection((TARGET, self.port), 2.0, (self.source, 0))
         except OSError as error:
             self.outcomes[type(error).__name__] += 1
             return None
         self.outcomes["connected"] += 1
-        return made
+        return connection
 
     def in_threads(self, count: int, act: Callable[[int], None], pause_s: float = PAUSE_S) -> None:
         """Repeat ``act`` in so many threads until the time is over."""
@@ -111,9 +111,9 @@ class Attack:
                 if one is not None and not _is_open(one, more):
                     self.outcomes["ended by the service"] += 1
                     held.pop(k).close()
-                if k not in held and (made := self.connect()) is not None:
-                    held[k] = made
-                    _send(made, begin(k))
+                if k not in held and (connection := self.connect()) is not None:
+                    held[k] = connection
+                    _send(connection, begin(k))
             time.sleep(min(1.0, self.left_s))
         for one in held.values():
             one.close()
@@ -131,9 +131,9 @@ def _is_open(one: socket.socket, more: bytes) -> bool:
     return _send(one, more)
 
 
-def _send(one: socket.socket, said: bytes) -> bool:
+def _send(one: socket.socket, data: bytes) -> bool:
     try:
-        one.sendall(said)
+        one.sendall(data)
     except BlockingIOError:  # it reads no more, and holds the connection all the same
         return True
     except OSError:
@@ -159,8 +159,8 @@ def slow_filters(attack: Attack) -> None:
     """Number 4: 210 connections, each with one slow filter after the other."""
 
     def act(k: int) -> None:
-        asked = quote(SLOW_FILTERS[k % len(SLOW_FILTERS)])
-        attack.ask("GET", f"/collections/segments/items?limit=10000&sortby=name&filter={asked}")
+        slow_filter = quote(SLOW_FILTERS[k % len(SLOW_FILTERS)])
+        attack.ask("GET", f"/collections/segments/items?limit=10000&sortby=name&filter={slow_filter}")
 
     attack.in_threads(FILTERING, act)
 

@@ -35,8 +35,8 @@ class Memory:
 
     def take(self) -> dict[str, float]:
         """The figures, and begin anew."""
-        found, self.most_mb = self.most_mb, {}
-        return found
+        peak_mb, self.most_mb = self.most_mb, {}
+        return peak_mb
 
 
 @dataclass
@@ -50,12 +50,12 @@ class Attacked:
 
     def command(self, *arguments: str) -> None:
         """Run a command on its database; ends the program where it fails."""
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", "app.cli", *arguments, "--data-dir", str(self.folder / "data")],
             cwd=CHECKOUT, env=environment(), capture_output=True, text=True, check=False,
         )  # fmt: skip
-        if done.returncode:
-            sys.exit(f"{arguments[0]}: {done.stderr.strip()}")
+        if process.returncode:
+            sys.exit(f"{arguments[0]}: {process.stderr.strip()}")
 
     def get(self, path: str) -> tuple[int, bytes]:
         """Status and body; status 0 where there was no answer."""
@@ -77,10 +77,10 @@ class Attacked:
 def attacked(folder: Path) -> Iterator[Attacked]:
     """Start ``versant up`` in the folder, and watch its memory until the block ends."""
     log = folder / "service.log"
-    with log.open("w") as said:
+    with log.open("w") as output:
         process = subprocess.Popen(
             [*LIMITED, sys.executable, "-m", "app.cli", "up", "--data-dir", str(folder / "data"), "--port", "0"],
-            cwd=CHECKOUT, env=environment(), stdout=subprocess.PIPE, stderr=said, text=True, start_new_session=True,
+            cwd=CHECKOUT, env=environment(), stdout=subprocess.PIPE, stderr=output, text=True, start_new_session=True,
         )  # fmt: skip
     over = threading.Event()
     try:
@@ -125,19 +125,19 @@ def pss_mb(pid: int) -> float:
 
 def children(pid: int) -> list[int]:
     """The processes that a process has started and that are there."""
-    found: list[int] = []
+    pids: list[int] = []
     for path in Path(f"/proc/{pid}/task").glob("*/children"):
         with suppress(OSError):
-            found += map(int, path.read_text().split())
-    return found
+            pids += map(int, path.read_text().split())
+    return pids
 
 
 def descendants(pid: int) -> list[int]:
     """Its children, theirs and so on; forked ones have the same command line as their parent."""
-    found = children(pid)
-    for one in found:
-        found += children(one)
-    return found
+    pids = children(pid)
+    for one in pids:
+        pids += children(one)
+    return pids
 
 
 def _command(pid: int) -> list[str]:

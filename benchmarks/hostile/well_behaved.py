@@ -98,9 +98,9 @@ class Client:
     ) -> tuple[int, bytes]:
         """One request on a connection of its own, noted; status 0 where none came in time."""
         began = time.monotonic()
-        status, said = request(self.port, method, path, body, events=events)
+        status, document = request(self.port, method, path, body, events=events)
         self.answers.setdefault(kind, []).append(Answer(began, time.monotonic() - began, status))
-        return status, said
+        return status, document
 
     def acts(self) -> dict[Callable[[], object], float]:
         """What it does, and the seconds between two of them."""
@@ -110,7 +110,7 @@ class Client:
                 "shape": [dict(zip(("lon", "lat"), map(float, at), strict=True)) for at in self._corners()],
             }
         )
-        asked: dict[str, Callable[[], object]] = {
+        requests: dict[str, Callable[[], object]] = {
             "healthz": lambda: self.ask("healthz", "GET", "/healthz"),
             "readyz": lambda: self.ask("readyz", "GET", "/readyz"),
             "items": lambda: self.ask("items", "GET", f"{ITEMS}?bbox={self.bbox}&limit=20"),
@@ -121,7 +121,7 @@ class Client:
             "post": lambda: self.ask("post", "POST", "/height", line.encode()),
             "events": self._follow,
         }  # fmt: skip
-        return {**dict.fromkeys(asked.values(), ASK_EVERY_S), self._upload: UPLOAD_EVERY_S}
+        return {**dict.fromkeys(requests.values(), ASK_EVERY_S), self._upload: UPLOAD_EVERY_S}
 
     def _corners(self) -> list[list[str]]:
         west, south, east, north = self.bbox.split(",")
@@ -131,9 +131,9 @@ class Client:
         if (log := next(self.logs, None)) is None:
             return
         while not self.over.is_set():
-            status, said = self.ask("upload", "POST", "/v1/drives", log)
+            status, document = self.ask("upload", "POST", "/v1/drives", log)
             if status in TAKEN:
-                self.drives.append(json.loads(said)["id"])
+                self.drives.append(json.loads(document)["id"])
                 return
             self.over.wait(AGAIN_S)
 

@@ -48,18 +48,18 @@ def run(seeds: int, progress: Progress, data_dir: Path, roadtruth: Path | None =
 
 def _scores(sequence: Road, logs: Sequence[Path], method: str) -> Values:
     """Each quantity, one value a log."""
-    found: Values = {quantity: [] for quantity, _ in _QUANTITIES}
+    values: Values = {quantity: [] for quantity, _ in _QUANTITIES}
     for log in logs:
         begin = time.perf_counter()
         slopes = estimate(sequence, [log], method)
-        found["time"].append(time.perf_counter() - begin)
+        values["time"].append(time.perf_counter() - begin)
         errors = Errors.of(sequence.truth, slopes)
-        found["RMSE"].append(errors.rmse if len(errors) else float("nan"))
-        found["coverage"].append(100 * errors.coverage)
-        found["within 1.96 sigma"].append(100 * errors.within_95 if len(errors) else float("nan"))
-    return found
+        values["RMSE"].append(errors.rmse if len(errors) else float("nan"))
+        values["coverage"].append(100 * errors.coverage)
+        values["within 1.96 sigma"].append(100 * errors.within_95 if len(errors) else float("nan"))
+    return values
 
 
-def _rows(experiment: str, method: str, found: Values) -> Iterator[Row]:
+def _rows(experiment: str, method: str, values: Values) -> Iterator[Row]:
     for quantity, unit in _QUANTITIES:
-        yield Row(experiment, f"{method}: {quantity}", unit, "", found[quantity])
+        yield Row(experiment, f"{method}: {quantity}", unit, "", values[quantity])

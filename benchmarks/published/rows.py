@@ -49,10 +49,10 @@ def number(value: float) -> str:
 
 def by_experiment(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """The rows under their experiments, both in the order in which they came."""
-    found: dict[str, list[Row]] = {}
+    groups: dict[str, list[Row]] = {}
     for row in rows:
-        found.setdefault(row.experiment, []).append(row)
-    return found
+        groups.setdefault(row.experiment, []).append(row)
+    return groups
 
 
 def text_table(rows: Sequence[Row]) -> str:
@@ -85,7 +85,7 @@ def _table(rows: Sequence[Row]) -> Table:
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    values = _known(row)
+    values = _finite(row)
     ends = (values[0], values[-1]) if values else (math.nan, math.nan)
     figures = (number(value) for value in (median(values), *ends))
     return row.quantity, row.unit, row.published or "-", *figures, str(len(values))
@@ -93,20 +93,20 @@ def _cells(row: Row) -> tuple[str, ...]:
 
 def _by_subject(rows: Sequence[Row]) -> Table:
     """A line a subject, a column a quantity: the median and, where seeds differ, least and most."""
-    found: dict[str, dict[str, str]] = {}
+    tables: dict[str, dict[str, str]] = {}
     for row in rows:
         subject, _, quantity = row.quantity.partition(": ")
-        values = _known(row)
+        values = _finite(row)
         least, most = (number(values[k]) if values else "-" for k in (0, -1))
         spread = "" if least == most else f" ({least} to {most})"
         title = f"{quantity}, {row.unit}" if row.unit else quantity
-        found.setdefault(subject, {})[title] = number(median(values)) + spread
-    columns = tuple(dict.fromkeys(title for line in found.values() for title in line))
-    lines = [(subject, *(line.get(title, "-") for title in columns)) for subject, line in found.items()]
+        tables.setdefault(subject, {})[title] = number(median(values)) + spread
+    columns = tuple(dict.fromkeys(title for line in tables.values() for title in line))
+    lines = [(subject, *(line.get(title, "-") for title in columns)) for subject, line in tables.items()]
     return [("", *columns), *lines]
 
 
-def _known(row: Row) -> list[float]:
+def _finite(row: Row) -> list[float]:
     """The finite values, ascending."""
     return sorted(value for value in row.ours if math.isfinite(value))
 

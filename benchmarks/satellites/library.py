@@ -39,9 +39,9 @@ E1_HEALTH = 0b000000111
 
 def library_time(gps_s: float) -> Any:
     """GPS seconds as the library has times."""
-    whole = int(np.floor(gps_s))
+    whole_s = int(np.floor(gps_s))
     time = pyrtklib.gtime_t()
-    time.time, time.sec = whole + int(GPS_EPOCH_S), float(gps_s - whole)
+    time.time, time.sec = whole_s + int(GPS_EPOCH_S), float(gps_s - whole_s)
     return time
 
 
@@ -144,18 +144,18 @@ def glonass_table(rows: list[dict[str, Any]]) -> GlonassEphemerides:
 
 def navigation_of(*paths: Path) -> Navigation:
     """Navigation files, as the library reads them, in this project's tables."""
-    whole = Navigation()
+    joined = Navigation()
     for path in paths:
         read = library_navigation(path)
         alpha_beta = tuple(read.ion_gps[k] for k in range(8))
-        whole = whole.joined(
+        joined = joined.joined(
             Navigation(
                 kepler_table([kepler_row(r) for r in kepler_records(path)]),
                 glonass_table([glonass_row(r) for r in glonass_records(path)]),
                 alpha_beta if any(alpha_beta) else None,
             )
         )
-    return whole
+    return joined
 
 
 def library_state(read: Callable[..., None], record: Any, gps_s: float) -> tuple[Floats, float]:
@@ -196,11 +196,13 @@ def library_position(
     chosen.ionoopt, chosen.tropopt, chosen.maxgdop = ionosphere, troposphere, 30.0
     for k, error in enumerate((100.0, 0.003, 0.003)):
         chosen.err[k] = error
-    found, said = pyrtklib.sol_t(), pyrtklib.Arr1Dchar(128)
+    solution, message = pyrtklib.sol_t(), pyrtklib.Arr1Dchar(128)
     angles, states = pyrtklib.Arr1Ddouble(2 * len(rows)), pyrtklib.Arr1Dssat_t(pyrtklib.MAXSAT)
-    if not pyrtklib.pntpos(observed.ptr, len(rows), navigation, chosen, found, angles, states.ptr, said):
+    if not pyrtklib.pntpos(
+        observed.ptr, len(rows), navigation, chosen, solution, angles, states.ptr, message
+    ):
         return np.full(3, np.nan)
-    return np.array([found.rr[k] for k in range(3)])
+    return np.array([solution.rr[k] for k in range(3)])
 
 
 def library_single_points(signals: Signals, files: Iterable[Path]) -> Floats:

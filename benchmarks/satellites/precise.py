@@ -43,12 +43,12 @@ def read_sp3(path: Path) -> Precise:
 
 def read_clk(path: Path) -> dict[tuple[int, int, float], float]:
     """Clocks (s) of satellites in a RINEX clock file by system, number and GPS seconds."""
-    found: dict[tuple[int, int, float], float] = {}
+    clocks: dict[tuple[int, int, float], float] = {}
     for line in path.read_text().splitlines():
         if line.startswith("AS "):
             words = line.split()
             year, month, day, hour, minute = (int(word) for word in words[2:7])
             stamp = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}T{hour:02d}:{minute:02d}:00")
             gps_s = float(stamp.astype("datetime64[s]").astype(np.int64)) - GPS_EPOCH_S + float(words[7])
-            found[SYSTEMS.index(words[1][0]), int(words[1][1:]), gps_s] = float(words[9])
-    return found
+            clocks[SYSTEMS.index(words[1][0]), int(words[1][1:]), gps_s] = float(words[9])
+    return clocks

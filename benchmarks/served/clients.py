@@ -53,7 +53,7 @@ class Asked:
 
 def ask(
     port: int,
-    asked: Sequence[Asked],
+    requests: Sequence[Asked],
     *,
     seconds: float | None = None,
     clients: int = 2,
@@ -65,19 +65,21 @@ def ask(
     barrier = context.Barrier(clients)
     work = [
         context.Process(
-            target=_client, args=(port, asked[n::clients], seconds, compressed, barrier, results), daemon=True
+            target=_client,
+            args=(port, requests[n::clients], seconds, compressed, barrier, results),
+            daemon=True,
         )
         for n in range(clients)
     ]
     for one in work:
         one.start()
-    done = [results.get() for _ in work]
+    answers = [results.get() for _ in work]
     for one in work:
         one.join()
-    took = np.concatenate([np.array(times) for _, _, times, _, _ in done])
-    began, ended = min(b for b, *_ in done), max(e for _, e, *_ in done)
-    statuses = sum((Counter(s) for *_, s in done), Counter[int]())
-    return Rates(len(took), ended - began, took * 1e3, sum(size for *_, size, _ in done), dict(statuses))
+    took = np.concatenate([np.array(times) for _, _, times, _, _ in answers])
+    began, ended = min(b for b, *_ in answers), max(e for _, e, *_ in answers)
+    statuses = sum((Counter(s) for *_, s in answers), Counter[int]())
+    return Rates(len(took), ended - began, took * 1e3, sum(size for *_, size, _ in answers), dict(statuses))
 
 
 def tags_of(port: int, paths: Sequence[str]) -> list[Asked]:
@@ -111,10 +113,10 @@ class Connection:
     def __exit__(self, *_: object) -> None:
         self._socket.close()
 
-    def get(self, asked: Asked) -> Answer:
+    def get(self, request: Asked) -> Answer:
         """The answer to one request."""
-        match = "" if asked.etag is None else f"If-None-Match: {asked.etag}\r\n"
-        self._socket.sendall(f"GET {asked.path}{self._fixed}{match}\r\n".encode())
+        match = "" if request.etag is None else f"If-None-Match: {request.etag}\r\n"
+        self._socket.sendall(f"GET {request.path}{self._fixed}{match}\r\n".encode())
         head = self._until(b"\r\n\r\n").decode("latin-1")
         first, *lines = head.split("\r\n")
         headers = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
@@ -126,7 +128,7 @@ class Connection:
         else:
             body = b""
         if headers.get("content-encoding") == "gzip" and not body.startswith(b"\x1f\x8b"):
-            raise ValueError(f"{asked.path}: a body that is called gzip and is not")
+            raise ValueError(f"{request.path}: a body that is called gzip and is not")
         return Answer(status, headers.get("etag"), body)
 
     def _until(self, end: bytes) -> bytes:
@@ -166,13 +168,13 @@ def plain(body: bytes) -> bytes:
     return gzip.decompress(body) if body.startswith(b"\x1f\x8b") else body
 
 
-def _client(port, asked, seconds, compressed, barrier, results) -> None:  # type: ignore[no-untyped-def]
+def _client(port, requests, seconds, compressed, barrier, results) -> None:  # type: ignore[no-untyped-def]
     took: list[float] = []
     size, statuses = 0, Counter[int]()
     with Connection(port, compressed=compressed) as connection:
         barrier.wait()
         began = last = time.monotonic()
-        for one in asked if seconds is None else itertools.cycle(asked):
+        for one in requests if seconds is None else itertools.cycle(requests):
             answer = connection.get(one)
             now = time.monotonic()
             took.append(now - last)

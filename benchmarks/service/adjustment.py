@@ -78,7 +78,7 @@ def take_back(sessions: Sessions, drive: uuid.UUID) -> None:
 def service_part(repeat: int) -> dict[str, float]:
     """The town in a database of its own, with the settings of ``versant up``: seconds to publish and to take back."""
     town = make_town()
-    made = Synthetic(town.roads)
+    synthetic = Synthetic(town.roads)
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
         EmbeddedPostgres(Path(folder)) as cluster,
@@ -92,18 +92,18 @@ def service_part(repeat: int) -> dict[str, float]:
         with sessions() as session:
             ids = extracts.all_roads(session)[1]
         for _ in range(DRIVES):
-            append(sessions, ids, made.drive(made.route(ROUTE_M)))
+            append(sessions, ids, synthetic.drive(synthetic.route(ROUTE_M)))
         solve_all_marked(sessions)
         with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
             connection.execute(text("VACUUM ANALYZE"))
-        found = measure(sessions, ids, lambda: made.drive(made.route(ROUTE_M)), repeat)
+        figures = measure(sessions, ids, lambda: synthetic.drive(synthetic.route(ROUTE_M)), repeat)
         engine.dispose()
     print(
         f"service: {DRIVES} drives of {ROUTE_M / 1000:.0f} km through the town; one more published in "
-        f"{found['update_s']:.3f} s, taken back in {found['removal_s']:.3f} s",
+        f"{figures['update_s']:.3f} s, taken back in {figures['removal_s']:.3f} s",
         flush=True,
     )
-    return found
+    return figures
 
 
 def measure(

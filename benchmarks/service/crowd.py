@@ -42,7 +42,7 @@ class Streams:
 
     @property
     def fewest_events(self) -> int:
-        """What the stream heard that heard least, of those that were accepted."""
+        """Events on the stream that received fewest, of those that were accepted."""
         return min((s.events for s in self.members if s.status == "200"), default=0)
 
     def listen(self, over: threading.Event) -> None:
@@ -59,13 +59,13 @@ class Streams:
 
     def _hear(self, stream: Stream) -> None:
         try:
-            said = stream.socket.recv(1 << 20)
+            piece = stream.socket.recv(1 << 20)
         except OSError:
-            said = b""
-        if not stream.status and said.startswith(b"HTTP/1.1 "):
-            stream.status = said[9:12].decode()
-        stream.events += said.count(b"event: drive")
-        if not said:
+            piece = b""
+        if not stream.status and piece.startswith(b"HTTP/1.1 "):
+            stream.status = piece[9:12].decode()
+        stream.events += piece.count(b"event: drive")
+        if not piece:
             stream.open = False
             self._selector.unregister(stream.socket)
 
@@ -73,7 +73,7 @@ class Streams:
 @contextmanager
 def following(port: int, path: str, count: int) -> Iterator[Streams]:
     """So many connections that follow events, opened one right after the other, until the block ends."""
-    streams, over = Streams([Stream(_asked(port, path)) for _ in range(count)]), threading.Event()
+    streams, over = Streams([Stream(_send_request(port, path)) for _ in range(count)]), threading.Event()
     thread = threading.Thread(target=streams.listen, args=(over,))
     thread.start()
     try:
@@ -87,9 +87,9 @@ def following(port: int, path: str, count: int) -> Iterator[Streams]:
 
 def ask_and_leave(port: int, paths: Iterable[str], after_s: float) -> None:
     """Ask for all of these at once and go away."""
-    asked = [_asked(port, path) for path in paths]
+    sockets = [_send_request(port, path) for path in paths]
     threading.Event().wait(after_s)
-    for one in asked:
+    for one in sockets:
         one.close()
 
 
@@ -110,7 +110,7 @@ class Asked:
         for thread in self._threads:
             thread.join()
         self._client.close()
-        return {method: dict(found) for method, found in self.statuses.items()}
+        return {method: dict(statuses) for method, statuses in self.statuses.items()}
 
     def _ask(self, method: str, path: str) -> None:
         try:
@@ -120,7 +120,7 @@ class Asked:
         self.statuses[method][status] += 1
 
 
-def _asked(port: int, path: str) -> socket.socket:
+def _send_request(port: int, path: str) -> socket.socket:
     connection = socket.create_connection(("127.0.0.1", port))
     connection.sendall(f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode())
     return connection

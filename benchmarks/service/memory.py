@@ -62,13 +62,13 @@ def family(pid: int) -> list[int]:
 
     But for one that is just being started: until it runs a program of its own it is a second name of its parent.
     """
-    found = [pid]
-    for member in found:
+    pids = [pid]
+    for member in pids:
         for children in Path(f"/proc/{member}/task").glob("*/children"):
             with suppress(OSError):
                 parent = _command(member)
-                found += [k for k in map(int, children.read_text().split()) if _command(k) != parent]
-    return found
+                pids += [k for k in map(int, children.read_text().split()) if _command(k) != parent]
+    return pids
 
 
 def _command(pid: int) -> bytes:

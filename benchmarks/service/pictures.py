@@ -62,12 +62,12 @@ def main() -> None:
     try:
         with (
             stop_signals(),
-            tempfile.TemporaryDirectory() as made,
+            tempfile.TemporaryDirectory() as made_in,
             demo_service(console) as (service, settings),
         ):
             with console.progress() as bars:
-                result = run_demo(service, settings, Path(made), bars)
-            for name, picture in taken(addresses(service.address, result)).items():
+                result = run_demo(service, settings, Path(made_in), bars)
+            for name, picture in take_pictures(addresses(service.address, result)).items():
                 content = small(picture)
                 (folder / f"{name}.png").write_bytes(content)
                 print(f"{folder / name}.png: {len(content) / 1000:.0f} kB")
@@ -77,12 +77,12 @@ def main() -> None:
 
 def addresses(service: str, result: DemoResult) -> dict[str, str]:
     """Name of a picture -> its page: the map with a steep road that is known well, a drive, the dashboard."""
-    known = [
+    segments = [
         f["properties"]
         for f in result.features
         if f["properties"]["slope_percent"] is not None and f["properties"]["drives"] > 1
     ]
-    steepest = max(known, key=lambda p: abs(p["slope_percent"]) - 2 * p["slope_sigma_percent"])
+    steepest = max(segments, key=lambda p: abs(p["slope_percent"]) - 2 * p["slope_sigma_percent"])
     return {
         "map": f"{map_address(service, result.features)}&segment={steepest['id']}",
         "drive": f"{service}/drives/{result.drives[0].id}",
@@ -90,7 +90,7 @@ def addresses(service: str, result: DemoResult) -> dict[str, str]:
     }
 
 
-def taken(pages: Mapping[str, str]) -> dict[str, bytes]:
+def take_pictures(pages: Mapping[str, str]) -> dict[str, bytes]:
     """A picture of each, in light colours and English."""
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 - of the development tools alone
 

@@ -61,9 +61,13 @@ class Probes:
     def between(self, begin_s: float, end_s: float) -> list[Answers]:
         """What was asked for in that time (Unix seconds), by route."""
         lines = [line.split() for line in self.notes.read_text().splitlines()]
-        seen = [(int(k), float(ms), status) for k, at, ms, status in lines if begin_s <= float(at) <= end_s]
+        answers = [
+            (int(k), float(ms), status) for k, at, ms, status in lines if begin_s <= float(at) <= end_s
+        ]
         return [
-            Answers(route, [ms for k, ms, _ in seen if k == n], [status for k, _, status in seen if k == n])
+            Answers(
+                route, [ms for k, ms, _ in answers if k == n], [status for k, _, status in answers if k == n]
+            )
             for n, route in enumerate(self.routes)
         ]
 

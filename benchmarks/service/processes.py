@@ -43,12 +43,12 @@ class Service:
 
     def command(self, *arguments: str) -> None:
         """Run a command to its end; what it prints is told where it fails."""
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", "app.cli", *arguments],
             cwd=self.checkout, env=dict(self.environment), capture_output=True, text=True, check=False,
         )  # fmt: skip
-        if done.returncode:
-            sys.exit(f"{arguments[0]}: {done.stderr.strip()}")
+        if process.returncode:
+            sys.exit(f"{arguments[0]}: {process.stderr.strip()}")
 
     def begin(self, *arguments: str) -> subprocess.Popen[bytes]:
         """A command as a process beside this one, in a session of its own as under ``versant up``."""

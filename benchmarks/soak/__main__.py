@@ -208,9 +208,9 @@ def report(verdict: Verdict) -> list[str]:
         }
         for act, ends in verdict.acts.items()
     ]
-    found = [{"found": name, "count": count} for name, count in verdict.wrong.items()]
+    rows = [{"found": name, "count": count} for name, count in verdict.wrong.items()]
     lines = [text_table(acts, {"act": ("done", ""), "times": ("times", "d"), "ended": ("ended", "")}), ""]
-    lines += [text_table(found, {"found": ("wrong", ""), "count": ("count", "d")}), ""]
+    lines += [text_table(rows, {"found": ("wrong", ""), "count": ("count", "d")}), ""]
     lines += verdict.said
     lines.append(
         f"{verdict.drives} drives are there, {verdict.orphans} logs without one; at rest after {verdict.rest_s:.0f} s."

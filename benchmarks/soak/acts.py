@@ -188,8 +188,8 @@ class Client(Actor):
         )
 
     def _some_drive(self) -> str | None:
-        known = self.ledger.drives()
-        return self.rng.choice(known) if known else None
+        drives = self.ledger.drives()
+        return self.rng.choice(drives) if drives else None
 
 
 class Operator(Actor):

@@ -81,13 +81,13 @@ class Disturbed:
 
     def begin(self, *arguments: str) -> subprocess.Popen[bytes]:
         """A command of ours on this service's database, as a process; what it prints goes into the log."""
-        with self.log.open("ab") as said:
+        with self.log.open("ab") as output:
             return subprocess.Popen(
                 [sys.executable, "-m", "app.cli", *arguments],
                 cwd=CHECKOUT,
                 env=child_environment(self.settings),
-                stdout=said,
-                stderr=said,
+                stdout=output,
+                stderr=output,
             )
 
     def _kill_api(self, rng: random.Random) -> bool:

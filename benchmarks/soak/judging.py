@@ -101,14 +101,14 @@ def left(service: Disturbed) -> dict[str, int]:
 
 def await_rest(service: Disturbed, within_s: float = REST_S) -> dict[str, int]:
     """Until nothing is left to be done; what is left after all."""
-    ends, seen = time.monotonic() + within_s, {"?": 1}
-    while seen and time.monotonic() < ends:
+    ends, pending = time.monotonic() + within_s, {"?": 1}
+    while pending and time.monotonic() < ends:
         time.sleep(0.3)
         try:
-            seen = left(service)
+            pending = left(service)
         except psycopg.Error:  # it is started again
-            seen = {"no database": 1}
-    return seen
+            pending = {"no database": 1}
+    return pending
 
 
 def stale_drives(service: Disturbed) -> list[str]:
@@ -120,7 +120,7 @@ def slopes_of(url: str) -> Slopes:
     """What is published."""
     with psycopg.connect(url) as connection:
         rows = connection.execute(_SLOPES).fetchall()
-    return {(way, begin, end): Slope(*said) for way, begin, end, *said in rows}
+    return {(way, begin, end): Slope(*values) for way, begin, end, *values in rows}
 
 
 def drives_at_the_end(
@@ -130,24 +130,24 @@ def drives_at_the_end(
     rows = service.ask(_DRIVES)
     blobs = BlobStore(service.settings.blob_store_url)
     contents = {row[0]: _content(blobs, row[2]) for row in rows}
-    known = {drive: material.log_of.get(content) for drive, content in contents.items() if content}
+    contents_of = {drive: material.log_of.get(content) for drive, content in contents.items() if content}
     promised = set(ledger.drives())
     failed = [f"{drive}: {reason}" for drive, status, _, _, reason in rows if status == "failed"]
-    found = {
+    lost = {
         "lost drives": len(promised - {row[0] for row in rows}),
-        "lost logs": len(rows) - len(known),
+        "lost logs": len(rows) - len(contents_of),
         "other logs": sum(
-            log is None or ledger.promised.get(drive, log) != log for drive, log in known.items()
+            log is None or ledger.promised.get(drive, log) != log for drive, log in contents_of.items()
         ),
-        "doubled": sum(n - 1 for n in Counter(known.values()).values()),
+        "doubled": sum(n - 1 for n in Counter(contents_of.values()).values()),
         "not removed": len(ledger.going & {row[0] for row in rows}),
         "failed drives": len(failed),
         "failed jobs": int(service.ask(_FAILED_JOBS)[0][0]),
         "miscounted": int(service.ask(_MISCOUNTED)[0][0]),
     }
     methods = {row[0]: row[3] for row in rows}
-    there = [Surviving(log, methods[drive]) for drive, log in known.items() if log is not None]
-    return found, there, failed
+    there = [Surviving(log, methods[drive]) for drive, log in contents_of.items() if log is not None]
+    return lost, there, failed
 
 
 def _content(blobs: BlobStore, key: str) -> str | None:

@@ -78,5 +78,5 @@ def without_way(town: Town, rng: np.random.Generator) -> Town:
     streets = [
         k for k, w in enumerate(town.ways) if w.kind.highway == "residential" and w.kind.structure == GROUND
     ]
-    gone = int(rng.choice(streets))
-    return replace(town, ways=tuple(way for k, way in enumerate(town.ways) if k != gone))
+    street = int(rng.choice(streets))
+    return replace(town, ways=tuple(way for k, way in enumerate(town.ways) if k != street))

@@ -58,9 +58,9 @@ def from_scratch(
 def _require_done(sessions: Sessions, count: int) -> None:
     """What fails undisturbed is no log for a soak."""
     with sessions() as session:
-        done = drives_of.list_drives(session, status="done", limit=count + 1)
-    if len(done) != count:
-        raise RuntimeError(f"{len(done)} of {count} drives are done where nothing is disturbed")
+        drives = drives_of.list_drives(session, status="done", limit=count + 1)
+    if len(drives) != count:
+        raise RuntimeError(f"{len(drives)} of {count} drives are done where nothing is disturbed")
 
 
 def _upload(sessions: Sessions, blobs: BlobStore, log: bytes, method: str) -> None:

@@ -13,7 +13,6 @@ from fusion.formats.base import LogFormat, NamedColumnsFormat, NamedFileFormat, 
 from fusion.formats.container import load, refuse
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.gpx import GpxFormat
-from fusion.formats.merging import Part, join
 from fusion.formats.nmea import NmeaFormat
 from fusion.formats.phones.gnsslogger import GnssLoggerFormat
 from fusion.formats.phones.mounting import in_vehicle_axes
@@ -25,6 +24,7 @@ from fusion.formats.tcx import TcxFormat
 from fusion.formats.torque import TorqueFormat
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import UCenterFormat
+from fusion.formats.upload_bundle import Part, join
 from fusion.formats.versant_csv import VersantCsvFormat
 from fusion.registry import Registry, check_columns
 from fusion.signals import Navigation
@@ -76,9 +76,9 @@ def read_log(
     data = load(source, max_bytes, job.notes, progress)
     if is_zip(data) and (files := members(data, max_bytes, job.notes)):
         del data
-        return _usable(_together(files, job))
+        return _usable(_read_bundle(files, job))
     name = source.name if isinstance(source, Path) else ""
-    return _usable(_alone(name, data, job))
+    return _usable(_read_single(name, data, job))
 
 
 def read_logs(
@@ -89,9 +89,9 @@ def read_logs(
     max_bytes: int = MAX_BYTES,
     progress: Progress = no_progress,
 ) -> DriveLog:
-    """Read the files of one drive, each as by ``read_log``, and join them (``together``); one alone is that log.
+    """Read the files of one drive, each as by ``read_log``, and join them into one log; a single file is that log.
 
-    ``names`` are what messages call them, for want of which paths have their own and others are numbered.
+    Messages call the files by ``names``; without them, paths by their own names, and other sources by number.
     ``max_bytes`` bounds the unpacked size of all of them. Files that are no logs are left out with a warning, unless
     there is nothing else. Raises as ``read_log``.
     """
@@ -109,12 +109,12 @@ def read_logs(
         inside = inside or [Member(name, data)]
         bytes_left -= sum(len(member.data) for member in inside)
         files += inside
-    return _usable(_together(files, job))
+    return _usable(_read_bundle(files, job))
 
 
 @dataclass(frozen=True)
 class _Job:
-    """What reading is told, and what it has to say."""
+    """The limits and options of one reading, and its notes."""
 
     max_bytes: int
     progress: Progress
@@ -122,16 +122,18 @@ class _Job:
     notes: Notes
 
 
-def _alone(name: str, data: bytes, job: _Job) -> DriveLog:
-    """The log of a file that is all there is of its drive."""
+def _read_single(name: str, data: bytes, job: _Job) -> DriveLog:
+    """Read a file that holds a whole drive."""
     chosen = _format_of(data[:HEAD_BYTES], name, job.columns)
     if job.columns and not isinstance(chosen, NamedColumnsFormat):
-        job.notes.warn(f"columns are said in vain: a {chosen.description} has no columns to be named.")
-    return _noted(_guarded(chosen, data, job.progress, None), job.notes)
+        job.notes.warn(
+            f"The names given for columns are not used: a {chosen.description} has no columns to name."
+        )
+    return _with_notes(_read_as(chosen, data, job.progress, None), job.notes)
 
 
 def _format_of(head: bytes, name: str, columns: Mapping[str, str]) -> LogFormat:
-    """The format of a file, told how the file is called and what a person says of its columns."""
+    """Recognise the format of a file; it learns the file's name and the names that a person gave for columns."""
     chosen = next((f for _, f in FORMATS.items() if f.recognises(head)), None)
     if chosen is None:
         supported = ", ".join(f"{f.description} ({', '.join(f.suffixes)})" for _, f in FORMATS.items())
@@ -152,8 +154,8 @@ def refuse_head(head: bytes, *, part: bool = False, columns: Mapping[str, str] |
         chosen.refuse_header(head, part=part)
 
 
-def _guarded(chosen: LogFormat, data: bytes, progress: Progress, navigation: Navigation | None) -> DriveLog:
-    """Read bytes by a format: as a part of a drive if ``navigation``, that of other parts, is given."""
+def _read_as(chosen: LogFormat, data: bytes, progress: Progress, navigation: Navigation | None) -> DriveLog:
+    """Read bytes by a format; as a part of a drive if the ``navigation`` of the other parts is given."""
     try:
         progress(f"read {chosen.name}", 0.0)
         if navigation is not None and isinstance(chosen, PartFormat):
@@ -164,13 +166,13 @@ def _guarded(chosen: LogFormat, data: bytes, progress: Progress, navigation: Nav
 
 
 def _usable(log: DriveLog) -> DriveLog:
-    """The log as all take it; ``MalformedLogError`` where it is too long for that."""
+    """The log with its inertial sensors in the vehicle's axes; ``MalformedLogError`` where it is too long."""
     refuse_many(len(log.fix))
     refuse_many(0 if log.raw is None else len(log.raw.signals))
     return in_vehicle_axes(log)
 
 
-def _noted(log: DriveLog, notes: Notes) -> DriveLog:
+def _with_notes(log: DriveLog, notes: Notes) -> DriveLog:
     return replace(
         log,
         skipped=notes.skipped + log.skipped,
@@ -179,18 +181,18 @@ def _noted(log: DriveLog, notes: Notes) -> DriveLog:
     )
 
 
-def _together(members: list[Member], job: _Job) -> DriveLog:
-    """Read files and join them; a file alone is as if it came without the zip."""
+def _read_bundle(members: list[Member], job: _Job) -> DriveLog:
+    """Read the files of an upload bundle as one log; a single file is read as if it came without the zip."""
     notes, progress = job.notes, job.progress
     if len(members) == 1 and not is_zip(members[0].data):
-        return _alone(members[0].name, load(members[0].data, job.max_bytes, notes, progress), job)
+        return _read_single(members[0].name, load(members[0].data, job.max_bytes, notes, progress), job)
     errors: list[LogError] = []
-    files = _recognised(members, job, errors)
+    files = _recognise_files(members, job, errors)
     parts: list[Part] = []
     navigation = Navigation()
     for file in sorted(files, key=lambda one: not one.comes_first):
         try:
-            log = _noted(_guarded(file.format, file.data, progress, navigation), file.notes)
+            log = _with_notes(_read_as(file.format, file.data, progress, navigation), file.notes)
         except (EmptyLogError, MalformedLogError) as error:
             errors.append(error)
             notes.skip("files that cannot be used", 1)
@@ -219,12 +221,12 @@ class _File:
 
     @property
     def comes_first(self) -> bool:
-        """Whether others need what it holds."""
+        """Whether other files are read better once this one has been read."""
         return isinstance(self.format, PartFormat) and self.format.comes_first(self.data[:HEAD_BYTES])
 
 
-def _recognised(members: list[Member], job: _Job, errors: list[LogError]) -> list[_File]:
-    """The files that are logs, unpacked; the others are counted, and their errors kept."""
+def _recognise_files(members: list[Member], job: _Job, errors: list[LogError]) -> list[_File]:
+    """Unpack the files that are logs; count the others and add their errors to ``errors``."""
     bytes_left, out = job.max_bytes, list[_File]()
     for member in members:
         own = Notes()

@@ -6,7 +6,7 @@ Knows no format.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, Self, runtime_checkable
 
@@ -15,7 +15,7 @@ import numpy as np
 from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.plain_times import plain_seconds
 from fusion.signals import Navigation, RawGnss
-from fusion.types import Bools, DeviceMotion, DriveLog, Floats, GnssFix, Progress, SensorTable
+from fusion.types import Bools, DeviceMotion, DriveLog, Floats, GnssFix, GnssVelocity, Progress, SensorTable
 
 Data = bytes | memoryview
 Place = Callable[[int], str]
@@ -92,6 +92,26 @@ class PartFormat(LogFormat, Protocol):
         ...
 
 
+class EitherWay:
+    """Reads a file that is all there is of its drive, and one that is a part of it, by one method."""
+
+    def read(self, data: Data, progress: Progress) -> DriveLog:
+        """See ``LogFormat``."""
+        return self.read_file(data, progress, part=False)
+
+    def comes_first(self, head: bytes) -> bool:
+        """See ``PartFormat``."""
+        return False
+
+    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
+        """See ``PartFormat``."""
+        return self.read_file(data, progress, part=True)
+
+    def read_file(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+        """Read the file; a ``part`` of a drive may lack positions. Raises ``LogError``."""
+        raise NotImplementedError
+
+
 @runtime_checkable
 class NamedColumnsFormat(LogFormat, Protocol):
     """A format whose columns have names that a person may have to explain, and whose header tells what it lacks."""
@@ -123,7 +143,7 @@ class Notes:
     warnings: list[str] = field(default_factory=list)
     first_offender: str = ""
     """The first position that was refused, as a clause such as ``line 2: lat_deg is 91, outside -90..90``."""
-    _said: dict[str, tuple[int, str, str]] = field(default_factory=dict)
+    _examples: dict[str, tuple[int, str, str]] = field(default_factory=dict)
     """By reason: the count, the first example and the warning that holds them."""
 
     def skip(self, reason: str, count: int, example: str = "", *, position: bool = False) -> None:
@@ -136,16 +156,36 @@ class Notes:
             return
         self.skipped[reason] += count
         if example:
-            before = self._said.pop(reason, None)
+            before = self._examples.pop(reason, None)
             total, first = (before[0] + count, before[1]) if before else (count, example)
             sentence = f"Skipped {total} x {reason}; the first: {first}."
             if before:
                 self.warnings[self.warnings.index(before[2])] = sentence
             else:
                 self.warnings.append(sentence)
-            self._said[reason] = total, first, sentence
+            self._examples[reason] = total, first, sentence
         if position and not self.first_offender:
             self.first_offender = example or reason
+
+    def sift(
+        self,
+        faults: Iterable[tuple[str, Bools]],
+        say: Callable[[int], str] | None = None,
+        *,
+        position: bool = False,
+    ) -> Bools:
+        """Which rows have none of the ``faults`` (reason, mask); a faulty row is counted under its first one.
+
+        ``say`` tells of the first row of a reason where it is and what is wrong; ``position`` as for ``skip``.
+        """
+        good: Bools | None = None
+        for reason, bad in faults:
+            good = np.ones(len(bad), bool) if good is None else good
+            hit = np.flatnonzero(bad & good)
+            good &= ~bad
+            if len(hit):
+                self.skip(reason, len(hit), say(int(hit[0])) if say else "", position=position)
+        return np.zeros(0, bool) if good is None else good
 
     def undated(self) -> None:
         """Say that the times were placed in the week of the GPS epoch."""
@@ -255,6 +295,24 @@ def ground_velocity(speed_mps: Floats, heading_rad: Floats) -> tuple[Floats, Flo
     return north, east
 
 
+def positive(accuracy: Floats) -> Floats:
+    """Accuracies; 0 and less are written for unknown, and become NaN."""
+    return np.where(accuracy > 0, accuracy, np.nan)
+
+
+def fix_and_velocity(time_s: Floats, columns: Mapping[str, Floats], notes: Notes) -> dict[str, SensorTable]:
+    """Positions and velocities at times (n,), of ``columns`` (n,) named as in ``GnssFix``, with ``s_acc_mps``,
+    ``speed_mps`` along the ground and ``course_deg`` clockwise from north."""
+    sound = {name: positive(c) if name.endswith(("_acc_m", "_acc_mps")) else c for name, c in columns.items()}
+    north, east = ground_velocity(columns["speed_mps"], np.radians(columns["course_deg"]))
+    moving = np.isfinite(north)
+    velocity = GnssVelocity.assemble(
+        time_s[moving], vel_n_mps=north[moving], vel_e_mps=east[moving], s_acc_mps=sound["s_acc_mps"][moving]
+    )
+    position = {name: sound[name] for name in GnssFix.columns() if name in sound}
+    return {"fix": GnssFix.assemble(time_s, notes.repaired, **position), "velocity": velocity}
+
+
 def build_log(
     format_name: str,
     description: str,
@@ -268,7 +326,7 @@ def build_log(
     part: bool = False,
     device: DeviceMotion | None = None,
 ) -> DriveLog:
-    """Put a ``DriveLog`` together, or raise ``EmptyLogError`` naming the first offender.
+    """Make a ``DriveLog``, or raise ``EmptyLogError`` naming the first offender.
 
     Without any position it is empty, unless ``raw`` has measurements to make them from, or it is a ``part`` of a drive.
     """

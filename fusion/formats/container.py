@@ -1,6 +1,6 @@
-"""What a file is before it is a log: its bytes, gunzipped and never more than allowed; or what else it looks like.
+"""The bytes of a log file, unpacked from gzip within limits; and what a file that is no log looks like.
 
-Knows no format that is read, only those that people take for one.
+Knows no log format, only other kinds of files that people upload by mistake.
 """
 
 from __future__ import annotations

@@ -78,6 +78,11 @@ def from_utf16(data: bytes) -> bytes:
     return data.decode("utf-16", "replace").encode() if data[:2] in _UTF16 else data
 
 
+def text_head(head: bytes) -> bytes:
+    """The beginning of a text in UTF-8, if it is UTF-16 that was cut anywhere, else ``head`` itself."""
+    return from_utf16(head[: len(head) // 2 * 2]) if head[:2] in _UTF16 else head
+
+
 def first_line(data: bytes) -> tuple[int, int, bytes]:
     """Number, offset and content of the first line that is neither blank nor a # comment."""
     start = len(_BOM) if data.startswith(_BOM) else 0
@@ -93,24 +98,24 @@ def delimiter_of(line: bytes) -> str:
     return max(DELIMITERS, key=lambda d: line.count(d.encode()))
 
 
-def written_cells(line: bytes, delimiter: str) -> list[str]:
+def cells_as_written(line: bytes, delimiter: str) -> list[str]:
     """The names in the header as they are written, without blanks and quotes around."""
     return [c.strip().strip('"').strip() for c in line.decode("utf-8", "replace").split(delimiter)]
 
 
 def header_cells(line: bytes, delimiter: str) -> list[str]:
     """The names in the header, lower case, without blanks and quotes around."""
-    return [cell.lower() for cell in written_cells(line, delimiter)]
+    return [cell.lower() for cell in cells_as_written(line, delimiter)]
 
 
 def understood_header(data: bytes, schema: Schema) -> tuple[Known, list[str], str, int]:
     """What the header says: the columns, its cells, the delimiter, and the number of its line.
 
-    Raises ``MalformedLogError`` naming the required columns that it lacks, or those that a person names in vain.
+    Raises ``MalformedLogError`` naming the required columns that it lacks, or one that a person named and it has not.
     """
     number, _, line = first_line(data)
     delimiter = delimiter_of(line)
-    header = written_cells(line, delimiter)
+    header = cells_as_written(line, delimiter)
     if len(header) > MOST_CELLS:
         raise MalformedLogError(
             f"The first line of this CSV, line {number}, has {len(header)} cells; {MOST_CELLS} are read at most. Put a "

@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
-from fusion.formats.base import Data, Notes, build_log, ground_velocity, refuse_many, usable_positions
+from fusion.formats.base import (
+    Data,
+    EitherWay,
+    Notes,
+    build_log,
+    ground_velocity,
+    refuse_many,
+    usable_positions,
+)
 from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_header import COLUMNS, Schema, from_utf16, layout_of, sections
+from fusion.formats.csv_header import (
+    COLUMNS,
+    Schema,
+    from_utf16,
+    layout_of,
+    sections,
+    text_head,
+    understood_header,
+)
 from fusion.formats.csv_names import GPS_TIME, PRESSURE_OF_VEHICLE, UNSTATED_SPEED
 from fusion.types import (
     AngularRate,
@@ -81,35 +99,51 @@ class _SpeedUnit:
         self.seen = True
 
 
-@dataclass
-class _Rows:
-    """What the rows of one log have in common."""
+@dataclass(frozen=True)
+class NamedColumnsCsv(EitherWay):
+    """What CSVs have in common of which a person may say what their ``columns`` are (``NamedColumnsFormat``)."""
 
-    notes: Notes
-    speed_unit: _SpeedUnit = field(default_factory=_SpeedUnit)
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+    name: ClassVar[str]
+    description: ClassVar[str]
+
+    def schema(self, *, part: bool) -> Schema:
+        """The columns that a file may have and must have, one that is a ``part`` of a drive too."""
+        raise NotImplementedError
+
+    def with_columns(self, columns: Mapping[str, str]) -> Self:
+        """See ``NamedColumnsFormat``."""
+        return replace(self, columns=columns)
+
+    def refuse_header(self, head: bytes, *, part: bool) -> None:
+        """See ``NamedColumnsFormat``."""
+        understood_header(text_head(head), self.schema(part=part))
+
+    def read_file(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+        """See ``EitherWay``."""
+        return _read_rows(data, progress, self.schema(part=part), self.name, self.description)
 
 
-def read_rows(
-    data: Data, progress: Progress, schema: Schema, *, format_name: str, description: str, notes: Notes
-) -> DriveLog:
+def _read_rows(data: Data, progress: Progress, schema: Schema, name: str, description: str) -> DriveLog:
     """The log of a CSV; raises ``LogError``."""
     text = from_utf16(bytes(data))
-    rows = _Rows(notes)
+    notes, unit = Notes(), _SpeedUnit()
     parts: dict[str, list[SensorTable]] = {}
     for section, before in sections(text, notes):
         layout = layout_of(section, notes, schema, lines_before=before)
         for block, share in read_blocks(section, layout, notes):
-            for name, table in _assemble(block, rows).items():
+            for sensor, table in _assemble(block, unit, notes).items():
                 if len(table):
-                    parts.setdefault(name, []).append(table)
+                    parts.setdefault(sensor, []).append(table)
             refuse_many(sum(map(len, parts.get("fix", ()))))
             progress("read rows", share)
-    tables = {name: _joined(parts.pop(name), notes) for name in list(parts)}
+    tables = {sensor: _joined(parts.pop(sensor), notes) for sensor in list(parts)}
     progress("read rows", 1.0)
     force = tables.pop("device", None)
     motion = DeviceMotion(force=force) if isinstance(force, ThreeAxes) else DeviceMotion()
     _drop_coarse_pressure(tables, notes)
-    return build_log(format_name, description, notes, tables, part=schema.part, device=motion)
+    return build_log(name, description, notes, tables, part=schema.part, device=motion)
 
 
 def _drop_coarse_pressure(tables: dict[str, SensorTable], notes: Notes) -> None:
@@ -137,8 +171,7 @@ def _joined(parts: list[SensorTable], notes: Notes) -> SensorTable:
     return kind.assemble(time_s, notes.repaired if kind is GnssFix else None, **columns)
 
 
-def _assemble(block: Block, rows_of: _Rows) -> dict[str, SensorTable]:
-    notes = rows_of.notes
+def _assemble(block: Block, unit: _SpeedUnit, notes: Notes) -> dict[str, SensorTable]:
     rows = len(next(iter(block.columns.values())))
     unknown = np.full(rows, np.nan)
     col = {name: block.columns.get(name, unknown) for name in COLUMNS}
@@ -146,7 +179,7 @@ def _assemble(block: Block, rows_of: _Rows) -> dict[str, SensorTable]:
     time_s, sensor_s = _row_times(block, col)
     lat, lon = col["lat_deg"], col["lon_deg"]
     if UNSTATED_SPEED in block.columns:
-        col["speed_mps"] = rows_of.speed_unit.in_mps(block.columns[UNSTATED_SPEED], time_s, lat, lon, notes)
+        col["speed_mps"] = unit.in_mps(block.columns[UNSTATED_SPEED], time_s, lat, lon, notes)
     if PRESSURE_OF_VEHICLE in block.columns:
         of_vehicle = block.columns[PRESSURE_OF_VEHICLE]
         col["pressure_hpa"] = np.where(np.isfinite(col["pressure_hpa"]), col["pressure_hpa"], of_vehicle)

@@ -22,8 +22,6 @@ UNSTATED_SPEED = "_speed"
 GPS_TIME = "_gps_time"
 """Seconds since the GPS epoch, on the GPS scale."""
 PRESSURE_OF_VEHICLE = "_vehicle_pressure"
-LOOSE = (DATE, UNSTATED_SPEED, GPS_TIME)
-"""What a header may have that is no column of ours, but becomes one."""
 
 _UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "length": {"m": (1, 0), "meter": (1, 0), "meters": (1, 0), "metre": (1, 0), "metres": (1, 0), "ft": (0.3048, 0),

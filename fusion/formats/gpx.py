@@ -19,9 +19,9 @@ import re
 import numpy as np
 
 from fusion.errors import EmptyLogError
-from fusion.formats.base import Data, Notes, build_log, ground_velocity, usable_positions
+from fusion.formats.base import Data, Notes, build_log, fix_and_velocity, usable_positions
 from fusion.formats.xml_points import Layout, Points, read_points
-from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Odometry, Progress, SensorTable
+from fusion.types import Bools, DriveLog, Floats, Odometry, Progress, SensorTable
 
 HEAD_BYTES = 8192
 ROOT = re.compile(rb"<(?:[\w.-]+:)?gpx[\s>]")
@@ -98,41 +98,19 @@ def _tables(
                 out = np.where(np.isnan(out), points.column(name)[good], out)
         return out
 
-    elevation = column("ele")
-    fix = GnssFix.assemble(
-        time_s,
-        notes.repaired,
-        lat_deg=column("lat"),
-        lon_deg=column("lon"),
-        alt_msl_m=elevation,
-        height_ell_m=elevation + column("geoidheight"),
-        h_acc_m=_positive(column("h_acc", "hdop") if metres_as_hdop else column("h_acc")),
-        v_acc_m=_positive(column("v_acc")),
-    )
-    speed = column("speed")
-    if not np.isfinite(speed).any():
-        return {"fix": fix}
+    elevation, speed, course = column("ele"), column("speed"), column("course", "cog", "bearing")
     speed = np.where(speed >= 0, speed, np.nan)  # Apple writes -1 for unknown
-    course = column("course", "cog", "bearing")
-    north, east = ground_velocity(speed, np.radians(np.where(course >= 0, course, np.nan)))
-    directed = np.isfinite(north)
-    velocity = GnssVelocity.assemble(
-        time_s[directed],
-        vel_n_mps=north[directed],
-        vel_e_mps=east[directed],
-        s_acc_mps=_positive(column("s_acc")[directed]),
-    )
-    alone = np.isfinite(speed) & ~directed
-    return {
-        "fix": fix,
-        "velocity": velocity,
-        "odometry": Odometry.assemble(time_s[alone], speed_mps=speed[alone]),
-    }
-
-
-def _positive(accuracy: Floats) -> Floats:
-    """Accuracies; 0 and less are written for unknown."""
-    return np.where(accuracy > 0, accuracy, np.nan)
+    columns = {
+        "lat_deg": column("lat"), "lon_deg": column("lon"), "alt_msl_m": elevation,
+        "height_ell_m": elevation + column("geoidheight"),
+        "h_acc_m": column("h_acc", "hdop") if metres_as_hdop else column("h_acc"), "v_acc_m": column("v_acc"),
+        "speed_mps": speed, "course_deg": np.where(course >= 0, course, np.nan), "s_acc_mps": column("s_acc"),
+    }  # fmt: skip
+    tables = fix_and_velocity(time_s, columns, notes)
+    alone = np.isfinite(speed) & ~np.isfinite(columns["course_deg"]) & (speed != 0)
+    if alone.any():
+        tables["odometry"] = Odometry.assemble(time_s[alone], speed_mps=speed[alone])
+    return tables
 
 
 def _gaps(points: Points, good: Bools) -> Floats:

@@ -11,7 +11,15 @@ import numpy as np
 from fusion.errors import EmptyLogError
 from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Data, Notes, build_log
 from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_header import Schema, delimiter_of, first_line, from_utf16, header_cells, layout_of
+from fusion.formats.csv_header import (
+    Schema,
+    delimiter_of,
+    first_line,
+    from_utf16,
+    header_cells,
+    layout_of,
+    text_head,
+)
 from fusion.signals import (
     BEIDOU,
     GLONASS,
@@ -71,8 +79,7 @@ class PseudorangesCsvFormat:
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        head = from_utf16(head[: len(head) // 2 * 2]) if head[:1] in (b"\xff", b"\xfe") else head
-        line = first_line(head)[2]
+        line = first_line(text_head(head))[2]
         return PSEUDORANGE.encode() in line.lower() and PSEUDORANGE in header_cells(line, delimiter_of(line))
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
@@ -113,12 +120,7 @@ def _columns(block: Block, notes: Notes) -> dict[str, Floats]:
             ("rows of satellites that are not known", (system < 0) | ~((number >= 1) & (number < _MOST_SATELLITES))),
             ("pseudoranges that are missing or cannot be", ~((col[PSEUDORANGE] > 0) & (col[PSEUDORANGE] < LARGEST_M))),
         )  # fmt: skip
-    good = np.ones(rows, bool)
-    for reason, bad in faults:
-        hit = np.flatnonzero(bad & good)
-        good &= ~bad
-        if len(hit):
-            notes.skip(reason, len(hit), block.place(int(hit[0])), position=True)
+    good = notes.sift(faults, block.place, position=True)
     names = (PSEUDORANGE, *PLACE, *MOTION, *_STATED)
     out = {name: col[name][good] for name in names}
     return out | {"gps_s": gps_s[good], "system": system[good].astype(float), "number": number[good]}

@@ -15,7 +15,7 @@ from pyarrow import compute as pc
 from pyarrow import csv
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import GPS_EPOCH_S, WEEK_S, Data, Notes, build_log, usable_positions
+from fusion.formats.base import GPS_EPOCH_S, WEEK_S, Data, Notes, build_log, positive, usable_positions
 from fusion.formats.time_texts import times_of
 from fusion.frames import geodetic
 from fusion.signals import unix_from_gps
@@ -117,14 +117,14 @@ def _rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
     plain = body.replace(b"\r\n", b"\n").translate(_TO_BLANKS)
     while b"  " in plain:
         plain = plain.replace(b"  ", b" ")
-    if begin and b"%" not in plain and (values := _whole_rows(plain, header)):
+    if begin and b"%" not in plain and (values := _uniform_rows(plain, header)):
         times, cells = values
         before = text.count(b"\n", 0, begin.start())
         return _Rows(*times, cells, before + 1 + np.arange(len(cells)))
     return _single_rows(text, header, notes)
 
 
-def _whole_rows(body: bytes, header: _Header) -> tuple[tuple[Floats, bool], Floats] | None:
+def _uniform_rows(body: bytes, header: _Header) -> tuple[tuple[Floats, bool], Floats] | None:
     """Times and cells of lines that all have as many cells as the first and nothing but numbers; None of others."""
     body = body.replace(b" \n", b"\n").strip()
     first = body.split(b"\n", 1)[0].split(b" ")
@@ -137,12 +137,7 @@ def _whole_rows(body: bytes, header: _Header) -> tuple[tuple[Floats, bool], Floa
     if not of_week:
         kinds |= {"c0": pa.string(), "c1": pa.string()}
     try:
-        table = csv.read_csv(
-            pa.py_buffer(body),
-            csv.ReadOptions(use_threads=False, block_size=max(1 << 20, len(body) + 1), column_names=names),
-            csv.ParseOptions(delimiter=" ", quote_char=False),
-            csv.ConvertOptions(column_types=kinds),
-        )
+        table = _parsed(body, kinds)
     except pa.ArrowException:
         return None
     if table.num_rows != rows:
@@ -154,6 +149,16 @@ def _whole_rows(body: bytes, header: _Header) -> tuple[tuple[Floats, bool], Floa
             return (np.asarray(lead[0].to_numpy() * WEEK_S + lead[1].to_numpy()), True), cells
     texts = pc.binary_join_element_wise(*lead, " ").to_pylist()
     return (times_of(texts)[0], False), cells
+
+
+def _parsed(body: bytes, kinds: dict[str, pa.DataType]) -> pa.Table:
+    """Lines of cells with single blanks between; raises ``ArrowException`` where a cell is not of its kind."""
+    return csv.read_csv(
+        pa.py_buffer(body),
+        csv.ReadOptions(use_threads=False, block_size=max(1 << 20, len(body) + 1), column_names=list(kinds)),
+        csv.ParseOptions(delimiter=" ", quote_char=False),
+        csv.ConvertOptions(column_types=kinds),
+    )
 
 
 def _least_cells(header: _Header) -> int:
@@ -190,12 +195,7 @@ def _numbers(rows: list[list[bytes]]) -> Floats:
     body = b"\n".join(b" ".join(row) for row in rows) + b"\n"
     names = [f"c{i}" for i in range(width)]
     try:
-        table = csv.read_csv(
-            pa.py_buffer(body),
-            csv.ReadOptions(use_threads=False, block_size=max(1 << 20, len(body) + 1), column_names=names),
-            csv.ParseOptions(delimiter=" ", quote_char=False),
-            csv.ConvertOptions(check_utf8=False, column_types=dict.fromkeys(names, pa.float64())),
-        )
+        table = _parsed(body, dict.fromkeys(names, pa.float64()))
         if table.num_rows == len(rows):
             return np.column_stack([table.column(name).to_numpy() for name in names])
     except pa.ArrowException:
@@ -259,16 +259,12 @@ def _tables(rows: _Rows, header: _Header, notes: Notes) -> dict[str, SensorTable
     fix = GnssFix.assemble(
         time_s[good], notes.repaired, lat_deg=lat[good], lon_deg=lon[good],
         **{"alt_msl_m" if header.geodetic else "height_ell_m": height[good]},
-        h_acc_m=_positive(np.hypot(sigma["n"], sigma["e"]))[good], v_acc_m=_positive(sigma["u"])[good],
+        h_acc_m=positive(np.hypot(sigma["n"], sigma["e"]))[good], v_acc_m=positive(sigma["u"])[good],
     )  # fmt: skip
     velocity = _velocity(
         time_s[good], {name: column[good] for name, column in col.items()}, lat[good], lon[good]
     )
     return {"fix": fix, "velocity": velocity}
-
-
-def _positive(value: Floats) -> Floats:
-    return np.where(value > 0, value, np.nan)
 
 
 def _velocity(time_s: Floats, col: dict[str, Floats], lat_deg: Floats, lon_deg: Floats) -> GnssVelocity:
@@ -288,7 +284,7 @@ def _velocity(time_s: Floats, col: dict[str, Floats], lat_deg: Floats, lon_deg: 
     else:
         return GnssVelocity.empty()
     # a mean of the axes, as receivers state the accuracy of speeds
-    s_acc = _positive(np.sqrt((sigmas[0] ** 2 + sigmas[1] ** 2 + sigmas[2] ** 2) / 3))
+    s_acc = positive(np.sqrt((sigmas[0] ** 2 + sigmas[1] ** 2 + sigmas[2] ** 2) / 3))
     still = (north == 0) & (east == 0) & (up == 0) & ~np.isfinite(s_acc)  # written where there is no Doppler
     directed = np.isfinite(north) & np.isfinite(east) & ~still
     return GnssVelocity.assemble(

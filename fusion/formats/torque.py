@@ -7,24 +7,11 @@ in the middle, with other columns. The accelerometer is the phone's, in the phon
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Self
+from collections.abc import Collection
 
-from fusion.formats.base import Data, Notes
-from fusion.formats.csv_header import (
-    COLUMNS,
-    Schema,
-    delimiter_of,
-    first_line,
-    from_utf16,
-    understood_header,
-    written_cells,
-)
-from fusion.formats.csv_log import DEVICE_AXES, DEVICE_TIME, read_rows
+from fusion.formats.csv_header import COLUMNS, Schema, cells_as_written, delimiter_of, first_line, text_head
+from fusion.formats.csv_log import DEVICE_AXES, DEVICE_TIME, NamedColumnsCsv
 from fusion.formats.csv_names import Cell, Known, known_columns
-from fusion.signals import Navigation
-from fusion.types import DriveLog, Progress
 
 _MARKS = re.compile(
     r"device ?time|\bobd\b|engine (?:rpm|load|coolant)|^rpm\b|vehicle ?speed|\bg\([xyz]\)|from vehicle|coolant temp|"
@@ -37,15 +24,12 @@ _OWN = {"device time": DEVICE_TIME, "g(x)": DEVICE_AXES[0], "g(y)": DEVICE_AXES[
 def is_vehicle_log(head: bytes) -> bool:
     """Whether the first line names positions and what only a car's bus or such an app tells."""
     line = first_line(head)[2]
-    cells = [cell.lower() for cell in written_cells(line[:20_000], delimiter_of(line))]
+    cells = [cell.lower() for cell in cells_as_written(line[:20_000], delimiter_of(line))]
     return any(map(_PLACE.search, cells)) and any(map(_MARKS.search, cells))
 
 
-@dataclass(frozen=True)
-class TorqueFormat:
+class TorqueFormat(NamedColumnsCsv):
     """Recognised by the names of positions beside those of an OBD app in the first line."""
-
-    columns: Mapping[str, str] = field(default_factory=dict)
 
     name = "torque"
     description = "CSV of Torque or another OBD app"
@@ -58,36 +42,11 @@ class TorqueFormat:
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        head = from_utf16(head[: len(head) // 2 * 2]) if head[:1] in (b"\xff", b"\xfe") else head
+        head = text_head(head)
         return b"\x00" not in head[:4096] and is_vehicle_log(head)
 
-    def with_columns(self, columns: Mapping[str, str]) -> Self:
-        """See ``NamedColumnsFormat``."""
-        return replace(self, columns=columns)
-
-    def refuse_header(self, head: bytes, *, part: bool) -> None:
-        """See ``NamedColumnsFormat``."""
-        understood_header(from_utf16(head[: len(head) // 2 * 2]), self._schema(part=part))
-
-    def read(self, data: Data, progress: Progress) -> DriveLog:
-        """See ``LogFormat``."""
-        return self._read(data, progress, part=False)
-
-    def comes_first(self, head: bytes) -> bool:
-        """See ``PartFormat``."""
-        return False
-
-    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
-        """See ``PartFormat``."""
-        return self._read(data, progress, part=True)
-
-    def _read(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
-        schema = self._schema(part=part)
-        return read_rows(
-            data, progress, schema, format_name=self.name, description=self.description, notes=Notes()
-        )
-
-    def _schema(self, *, part: bool) -> Schema:
+    def schema(self, *, part: bool) -> Schema:
+        """See ``NamedColumnsCsv``."""
         return Schema(
             COLUMNS, _lacking, named=self.columns, loose=True, part=part,
             clocks=frozenset({"time", DEVICE_TIME}), understood=_understood,

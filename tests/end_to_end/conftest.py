@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.demonstration import Demonstration, write_all
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 START_S, STOP_S, COMMAND_S = 90.0, 40.0, 120.0
@@ -113,13 +113,13 @@ def await_true(condition: Callable[[], object], timeout_s: float, what: str) -> 
 
 
 @pytest.fixture(scope="session")
-def simulated(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     """The town with three short drives: CSV, UBX, CSV."""
     return write_all(tmp_path_factory.mktemp("town"), 3, seed=1, duration_s=100.0)
 
 
 @pytest.fixture(scope="module")
-def running(simulated: Bundle, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+def running(simulated: Demonstration, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
     """A service with the town's roads and elevations imported while it runs."""
     up = Up(tmp_path_factory.mktemp("up") / "data").start()
     try:

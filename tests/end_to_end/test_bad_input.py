@@ -13,7 +13,7 @@ import httpx
 import pytest
 
 from app.cli.client import Client, ClientError
-from fusion.simulate.bundle import Bundle
+from fusion.simulate.demonstration import Demonstration
 from tests.end_to_end.conftest import Up
 
 pytestmark = pytest.mark.slow
@@ -27,7 +27,7 @@ def rows(count: int, *, time_s: float = START_S, lat_deg: float = 47.99, lon_deg
     return HEADER + "".join(f"{time_s + k},{lat_deg + k * 1e-5},{lon_deg},250\n" for k in range(count))
 
 
-def _zipped(bundle: Bundle | None, *, encrypted: bool = False) -> bytes:
+def _zipped(bundle: Demonstration | None, *, encrypted: bool = False) -> bytes:
     """A zip of a drive, or of pictures."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
@@ -39,7 +39,7 @@ def _zipped(bundle: Bundle | None, *, encrypted: bool = False) -> bytes:
     return bytes(data)
 
 
-BAD: dict[str, tuple[Callable[[Bundle], bytes], str]] = {
+BAD: dict[str, tuple[Callable[[Demonstration], bytes], str]] = {
     "empty.csv": (lambda bundle: b"", "empty|no byte"),
     "cut.ubx": (lambda bundle: bundle.drives[1].read_bytes()[:61], "position|truncated|cut"),
     "columns.csv": (lambda bundle: b"time_s,speed_mps\n1,2\n3,4\n", "lat_deg"),
@@ -77,7 +77,9 @@ def complaint(client: Client, path: Path) -> str:
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_ends_with_a_sentence(name: str, client: Client, simulated: Bundle, tmp_path: Path) -> None:
+def test_bad_input_ends_with_a_sentence(
+    name: str, client: Client, simulated: Demonstration, tmp_path: Path
+) -> None:
     make, expected = BAD[name]
     path = tmp_path / name
     path.write_bytes(make(simulated))
@@ -89,7 +91,7 @@ def test_bad_input_ends_with_a_sentence(name: str, client: Client, simulated: Bu
     assert "internal" not in said.lower(), said
 
 
-def test_worker_goes_on_after_all_of_them(client: Client, simulated: Bundle, tmp_path: Path) -> None:
+def test_worker_goes_on_after_all_of_them(client: Client, simulated: Demonstration, tmp_path: Path) -> None:
     waiting = []
     for name, (make, _) in BAD.items():
         path = tmp_path / name
@@ -103,7 +105,7 @@ def test_worker_goes_on_after_all_of_them(client: Client, simulated: Bundle, tmp
     assert {client.wait(drive.id, timeout_s=WAIT_S).status for drive in waiting} == {"failed"}
 
 
-def test_unknown_method_is_refused_with_the_known_ones(client: Client, simulated: Bundle) -> None:
+def test_unknown_method_is_refused_with_the_known_ones(client: Client, simulated: Demonstration) -> None:
     with pytest.raises(ClientError, match="particle"):
         client.upload(simulated.drives[0], method="nonsense")
 

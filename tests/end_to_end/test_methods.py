@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from fusion.catalogue import METHODS
-from fusion.simulate.bundle import Bundle
+from fusion.simulate.demonstration import Demonstration
 from tests.end_to_end.conftest import Up, versant
 
 pytestmark = pytest.mark.slow
@@ -24,7 +24,7 @@ def method(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-def test_the_service_runs_it(running: Up, simulated: Bundle, method: str, tmp_path: Path) -> None:
+def test_the_service_runs_it(running: Up, simulated: Demonstration, method: str, tmp_path: Path) -> None:
     log = tmp_path / f"{method}.csv"
     # Other bytes, so that it is another drive: the same bytes again would answer with the first one.
     log.write_text(simulated.drives[0].read_text() + "\n" * (1 + list(METHODS).index(method)))
@@ -44,7 +44,7 @@ def test_the_service_runs_it(running: Up, simulated: Bundle, method: str, tmp_pa
 
 
 def test_the_service_refuses_an_option_that_it_does_not_have(
-    running: Up, simulated: Bundle, method: str
+    running: Up, simulated: Demonstration, method: str
 ) -> None:
     with httpx.Client(base_url=running.address, timeout=30, trust_env=False) as http:
         answer = http.post(

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from fusion.simulate.bundle import Bundle
+from fusion.simulate.demonstration import Demonstration
 from tests.end_to_end.conftest import Up, versant
 
 pytestmark = pytest.mark.slow
@@ -26,7 +26,9 @@ def http(running: Up) -> Iterator[httpx.Client]:
 
 
 @pytest.fixture(scope="module")
-def uploaded(running: Up, simulated: Bundle, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def uploaded(
+    running: Up, simulated: Demonstration, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Any]:
     """What ``versant upload --wait --json`` said of the three drives."""
     report = tmp_path_factory.mktemp("upload") / "upload.json"
     done = versant(
@@ -69,7 +71,7 @@ def test_every_uploaded_drive_is_done_and_has_segments(uploaded: dict[str, Any])
 
 
 def test_same_bytes_are_the_same_drive(
-    running: Up, uploaded: dict[str, Any], simulated: Bundle, tmp_path: Path
+    running: Up, uploaded: dict[str, Any], simulated: Demonstration, tmp_path: Path
 ) -> None:
     again = versant(
         "upload", simulated.drives[0], "--server", running.address, "--json", tmp_path / "again.json"
@@ -80,7 +82,7 @@ def test_same_bytes_are_the_same_drive(
 
 
 def test_paging_reaches_every_segment_once(
-    http: httpx.Client, uploaded: dict[str, Any], simulated: Bundle
+    http: httpx.Client, uploaded: dict[str, Any], simulated: Demonstration
 ) -> None:
     parts = pages(http, "/collections/segments/items?limit=37")
     features = [feature for part in parts for feature in part]
@@ -99,7 +101,7 @@ def test_paging_reaches_every_segment_once(
 
 
 def test_measured_slopes_beat_the_terrain(
-    http: httpx.Client, uploaded: dict[str, Any], simulated: Bundle
+    http: httpx.Client, uploaded: dict[str, Any], simulated: Demonstration
 ) -> None:
     town = simulated.town
     roads = town.roads
@@ -124,7 +126,7 @@ OWN = {"id", "updated_at"}
 
 
 def test_fuse_gives_the_numbers_of_the_service(
-    running: Up, http: httpx.Client, uploaded: dict[str, Any], simulated: Bundle, tmp_path: Path
+    running: Up, http: httpx.Client, uploaded: dict[str, Any], simulated: Demonstration, tmp_path: Path
 ) -> None:
     """Criterion 4: the same logs without a server.
 
@@ -179,7 +181,9 @@ def _apart(found: float | None, wanted: float | None) -> bool:
     return wanted is not None and found is not None and abs(found - wanted) > 1.0
 
 
-def test_tiles_know_their_version(http: httpx.Client, uploaded: dict[str, Any], simulated: Bundle) -> None:
+def test_tiles_know_their_version(
+    http: httpx.Client, uploaded: dict[str, Any], simulated: Demonstration
+) -> None:
     west, south, east, north = simulated.town.roads.bounds_deg()
     z, lon, lat = 13, (west + east) / 2, (south + north) / 2
     x = int((lon + 180) / 360 * 2**z)
@@ -199,7 +203,7 @@ def test_profile_is_a_picture(http: httpx.Client, uploaded: dict[str, Any]) -> N
 
 
 def test_export_holds_what_the_map_shows(
-    running: Up, http: httpx.Client, uploaded: dict[str, Any], simulated: Bundle, tmp_path: Path
+    running: Up, http: httpx.Client, uploaded: dict[str, Any], simulated: Demonstration, tmp_path: Path
 ) -> None:
     out = tmp_path / "map.geojson"
     done = versant("export", "--data-dir", running.data_dir, "-o", out)

@@ -13,7 +13,10 @@ from tests.end_to_end.conftest import REPOSITORY, environment
 
 SECONDS, LOGS, SEED = 30, 12, 3
 
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.long("half a minute of kills and rest; what each kill does is tested beside its subject"),
+]
 
 
 def test_nothing_is_lost_stuck_or_doubled_when_everything_is_killed_at_random(tmp_path: Path) -> None:

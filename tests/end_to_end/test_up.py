@@ -9,7 +9,7 @@ import signal
 import pytest
 
 from app.cli.client import Client
-from fusion.simulate.bundle import Bundle
+from fusion.simulate.demonstration import Demonstration
 from tests.end_to_end.conftest import PROC, STOP_S, Up, await_true, versant
 
 pytestmark = [
@@ -18,7 +18,9 @@ pytestmark = [
 ]
 
 
-def test_ctrl_c_leaves_nothing_running_and_the_drive_is_taken_up_again(idle: Up, simulated: Bundle) -> None:
+def test_ctrl_c_leaves_nothing_running_and_the_drive_is_taken_up_again(
+    idle: Up, simulated: Demonstration
+) -> None:
     idle.start()
     assert "Only this machine can reach it" in idle.said()
     assert f"The map: {idle.address}/map\n" in idle.said()
@@ -46,7 +48,7 @@ def test_a_killed_worker_is_replaced(idle: Up) -> None:
     assert re.search(r"the worker(s| 1)? ended with status -9", idle.said())
 
 
-def test_a_killed_database_is_started_again(idle: Up, simulated: Bundle) -> None:
+def test_a_killed_database_is_started_again(idle: Up, simulated: Demonstration) -> None:
     idle.start()
     assert versant("import-roads", "--data-dir", idle.data_dir, simulated.osm).returncode == 0
     postmaster = int((idle.data_dir / "postgres" / "data" / "postmaster.pid").read_text().split()[0])

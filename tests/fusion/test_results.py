@@ -14,7 +14,7 @@ import fusion
 from fusion.methods.base import DriveResult
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
-from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.demonstration import Demonstration, write_all
 
 Ran = tuple[RoadNetwork, DriveResult]
 
@@ -46,17 +46,17 @@ def test_another_name_is_no_attribute() -> None:
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     return write_all(tmp_path_factory.mktemp("town"), 2, seed=1, duration_s=60.0)
 
 
 @pytest.fixture(scope="module")
-def roads(bundle: Bundle) -> RoadTable:
+def roads(bundle: Demonstration) -> RoadTable:
     return fusion.read_roads(bundle.osm)
 
 
 @pytest.fixture(scope="module")
-def drives(bundle: Bundle, roads: RoadTable) -> list[Ran]:
+def drives(bundle: Demonstration, roads: RoadTable) -> list[Ran]:
     return [fusion.run_drive(fusion.read_log(path), roads, None) for path in bundle.drives]
 
 
@@ -91,7 +91,7 @@ def test_gaps_are_for_who_asks(roads: RoadTable, drives: list[Ran]) -> None:
     assert (asked.drives == 0).sum() == len(asked) - len(plain)
 
 
-def test_a_method_that_yields_slopes_only_is_combined(bundle: Bundle, roads: RoadTable) -> None:
+def test_a_method_that_yields_slopes_only_is_combined(bundle: Demonstration, roads: RoadTable) -> None:
     raw = [fusion.run_drive(fusion.read_log(path), roads, None, method="raw") for path in bundle.drives]
     frame = fusion.segments_frame(fusion.solve(raw, roads))
     known = {s.segment: s for s in raw[0][1].slopes}

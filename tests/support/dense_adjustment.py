@@ -30,8 +30,7 @@ class DenseAdjustment:
     """The same model as ``fusion.network.adjust``, written down equation by equation and solved densely.
 
     Every rule is restated here from ``docs/explanation/network.md``, so that a slip there does not repeat itself here;
-    only the
-    numbers that are a matter of tuning are the modules', and so is what is learned of the elevation model:
+    only the numbers that are a matter of tuning are the modules', and so is what is learned of the elevation model:
     ``quality`` is its sigma and length, m.
     """
 

@@ -45,7 +45,7 @@ def roads(
         "highway": ["residential"] * n,
         "name": [None] * n,
     }
-    return RoadTable.from_columns(**(whole | columns))  # type: ignore[arg-type]
+    return RoadTable.from_columns(**(whole | columns))
 
 
 def street(*lengths_m: float, **columns: object) -> RoadTable:
@@ -75,7 +75,7 @@ def pass_of(
         "end_m": length, "roughness": ROUGHNESS, "observations": 5, "first_time_s": START_S,
         "last_time_s": START_S + length / SPEED_MPS,
     }  # fmt: skip
-    return PassFactor(information=information, vector=vector, square=square, **(said | more))  # type: ignore[arg-type]
+    return PassFactor(information=information, vector=vector, square=square, **(said | more))
 
 
 def graded(
@@ -108,7 +108,7 @@ def steady(
     table: RoadTable, row: int, slope_percent: float, sigma: float = 0.01, **more: object
 ) -> PassFactor:
     """A pass that measured the same grade everywhere, without noise."""
-    return graded(table, row, lambda at: np.full(len(at), slope_percent / 100), sigma, **more)  # type: ignore[arg-type]
+    return graded(table, row, lambda at: np.full(len(at), slope_percent / 100), sigma, **more)
 
 
 @dataclass(frozen=True)

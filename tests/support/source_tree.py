@@ -58,6 +58,7 @@ def imported_names(tree: ast.Module) -> Iterator[tuple[int, str]]:
             yield from ((node.lineno, text) for argument in node.args if (text := text_of(argument)))
 
 
+@cache
 def file_of(dotted: str) -> Path | None:
     """The file of this repository that a dotted name is a module of, or stands in; None for other packages."""
     parts = dotted.split(".")

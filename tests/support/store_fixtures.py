@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 
@@ -12,7 +11,6 @@ import pytest
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
 from app.drives import claims
-from app.drives import store as drives
 from app.network import extracts
 from app.network import results as slopes
 from app.network.marks import MarkedBy
@@ -22,9 +20,11 @@ from fusion.network.unknowns import knot_positions
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints, SegmentSlope
+from network_support import new_drive
 from processing_support import publish_all
 
 AddDrive = Callable[..., uuid.UUID]
+FIRST_GENERATION = 1
 T0_S = 1_700_000_000.0
 
 
@@ -114,24 +114,13 @@ def _add_drive(
     estimates: dict[int, tuple[float, float]],
     name: str | None = None,
 ) -> uuid.UUID:
-    content = name or uuid.uuid4().hex
+    drive_id = new_drive(sessions, name, method="raw")
     with sessions.begin() as session:
-        drive, _ = drives.create_drive(
-            session,
-            sha256=hashlib.sha256(content.encode()).hexdigest(),
-            filename=f"{content}.csv",
-            size_bytes=10,
-            blob_key=f"drives/{content}",
-            method="raw",
-            options={},
-        )
-        claims.mark_running(session, drive.id, drive.generation)
-    with sessions.begin() as session:
-        slopes.begin_change(session, drive.id)
-        assert claims.lock_running(session, drive.id, drive.generation)
+        slopes.begin_change(session, drive_id)
+        assert claims.lock_running(session, drive_id, FIRST_GENERATION)
         claims.mark_publishing(
             session,
-            drive.id,
+            drive_id,
             report={"epochs": 5},
             bounds=(8.5, 49.0, 8.51, 49.0),
             epochs=5,
@@ -141,9 +130,11 @@ def _add_drive(
         version = road_store.current_road_version(session)
         assert version is not None
         provenance = slopes.RunProvenance("raw", {"min_epochs": 4}, "1.0", version.id, None)
-        slopes.append_result(session, MarkedBy(drive.id, 1), ids, _slopes(estimates), provenance)
+        slopes.append_result(
+            session, MarkedBy(drive_id, FIRST_GENERATION), ids, _slopes(estimates), provenance
+        )
     publish_all(sessions, BlobStore("memory://blobs"))
-    return drive.id
+    return drive_id
 
 
 def _slopes(estimates: dict[int, tuple[float, float]]) -> Sequence[SegmentSlope]:

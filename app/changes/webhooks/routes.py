@@ -43,7 +43,7 @@ router = APIRouter(prefix="/v1/webhooks", tags=["changes"])
     responses={**UNREADABLE_BODY, **problems(403, 422, 503)},
 )
 def add(
-    request: Request, service: ServiceDep, base: BaseUrl, response: Response, asked: WebhookRequest
+    request: Request, service: ServiceDep, base: BaseUrl, response: Response, wish: WebhookRequest
 ) -> WebhookCreated:
     """Let an address be told of events by signed messages (Standard Webhooks: `webhook-id`, `webhook-timestamp`,
     `webhook-signature`). The secret is in this answer only.
@@ -54,16 +54,16 @@ def add(
     Asking twice makes two.
     """
     refuse_unknown(request, (), BadRequestError)
-    _check(service, asked.url)
+    _check(service, wish.url)
     secret = new_secret()
     with service.sessions.begin() as session:
         if store.count_webhooks(session) >= MOST:
             raise BadRequestError(
                 f"There are {MOST} webhooks already. Remove one that is not needed any more."
             )
-        told = version_text(session, horizon(session)) if SEGMENTS_CHANGED in asked.events else None
-        box = None if asked.bbox is None else (asked.bbox[0], asked.bbox[1], asked.bbox[2], asked.bbox[3])
-        row = store.add_webhook(session, asked.url, secret, asked.events, box, told)
+        told = version_text(session, horizon(session)) if SEGMENTS_CHANGED in wish.events else None
+        box = None if wish.bbox is None else (wish.bbox[0], wish.bbox[1], wish.bbox[2], wish.bbox[3])
+        row = store.add_webhook(session, wish.url, secret, wish.events, box, told)
     response.headers["Location"] = f"{base}/v1/webhooks/{row.id}"
     response.headers["Cache-Control"] = "no-store"
     return WebhookCreated(**Webhook.of(row, _links(base, row.id)).model_dump(), secret=secret)
@@ -85,8 +85,8 @@ def get(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> WebhookWit
     with service.reading() as session:
         row: WebhookRow = found(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         deliveries = store.last_deliveries(session, webhook_id, SHOWN)
-    known = Webhook.of(row, _links(base, row.id)).model_dump()
-    return WebhookWithDeliveries(**known, deliveries=[Delivery.of(one) for one in deliveries])
+    document = Webhook.of(row, _links(base, row.id)).model_dump()
+    return WebhookWithDeliveries(**document, deliveries=[Delivery.of(one) for one in deliveries])
 
 
 @router.patch(
@@ -103,16 +103,16 @@ def change(
     """Change what is named; the secret stays. Switched off it misses what happens to drives; of segments it is told all
     at once when it is switched on again.
     """
-    asked = body or WebhookChange()
-    wanted = asked.model_dump(exclude_unset=True)
+    wish = body or WebhookChange()
+    changes = wish.model_dump(exclude_unset=True)
     for name in ("url", "events", "active"):
-        if name in wanted and wanted[name] is None:
+        if name in changes and changes[name] is None:
             raise BadRequestError(f"{name}: it cannot be null. Leave it out to keep it.", field=name)
-    if asked.url is not None:
-        _check(service, asked.url)
+    if wish.url is not None:
+        _check(service, wish.url)
     with service.sessions.begin() as session:
         row: WebhookRow = found(store.get_webhook(session, webhook_id), "webhook", webhook_id)
-        changed = row._replace(**wanted)
+        changed = row._replace(**changes)
         follows = SEGMENTS_CHANGED in changed.events
         told = (row.reported_version or version_text(session, horizon(session))) if follows else None
         row = store.change_webhook(session, changed._replace(reported_version=told))

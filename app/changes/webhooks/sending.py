@@ -173,8 +173,8 @@ def _hang_up(raw: socket.socket) -> None:
 
 def _connected(host: str, port: int, deadline_s: float, *, private: bool) -> socket.socket:
     """A connection to the first address of the name that may be called and answers."""
-    found: list[Any] = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    allowed = [one for one in found if private or _is_public(ip_address(one[4][0].partition("%")[0]))]
+    addresses: list[Any] = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    allowed = [one for one in addresses if private or _is_public(ip_address(one[4][0].partition("%")[0]))]
     if not allowed:
         raise RefusedError(_NOT_PUBLIC)
     last: OSError = TimeoutError()

@@ -151,18 +151,18 @@ def body_of(due: Due) -> bytes:
 def _told_of(session: Session, now: State, webhook: WebhookRow) -> dict[str, Any] | None:
     """What is to be told of segments; None: nothing that concerns the address."""
     until = Since(now.epoch, now.horizon)
-    said: dict[str, Any] = {"since": webhook.reported_version, "version": text_of(until)}
+    versions: dict[str, Any] = {"since": webhook.reported_version, "version": text_of(until)}
     try:
         since = parse_since(now, webhook.reported_version or "")
     except (BadQueryError, GoneError):
         # Of another database: what there is has to be read anew.
-        return {**said, "since": None, "segments": None, "gone": None, "counted_all": False}
+        return {**versions, "since": None, "segments": None, "gone": None, "counted_all": False}
     if since >= until:
         return None
     west, south, east, north = webhook.bbox or (0, 0, 0, 0)
     box = None if webhook.bbox is None else (west, south, east, north)
     segments, gone, counted_all = count_since(session, now, since, COUNTED, box)
     if counted_all and not segments:
-        store.set_reported_version(session, webhook.id, said["version"])
+        store.set_reported_version(session, webhook.id, versions["version"])
         return None
-    return {**said, "segments": segments, "gone": gone, "counted_all": counted_all}
+    return {**versions, "segments": segments, "gone": gone, "counted_all": counted_all}

@@ -1,6 +1,6 @@
 """The files in an upload, taken out of the body as it arrives: multipart/form-data, or the body itself.
 
-Bytes in, bytes of the files out: knows no request, no store and no limit of sizes and numbers. python-multipart finds
+Bytes in, bytes of the files out: knows no request, no store and no limits of size and number. python-multipart finds
 the parts. Its ``FormParser`` and Starlette's ``MultiPartParser`` were tried in the place of the callbacks below: both
 write every file into a temporary one first, keep a log that came without a file name in memory, and do not tell a
 body that broke off from one without the field. ``PushMultipartParser`` of ``multipart`` streams and would save the

@@ -2,8 +2,8 @@
 
 It is who the connection comes from, unless that is a proxy that the settings name. From such a one alone
 ``X-Forwarded-For`` and ``X-Forwarded-Proto`` are believed. ``X-Forwarded-Host`` and ``Forwarded`` are believed from
-nobody: many proxies pass on what a client sends there, and a page could so make its requests look as if they came
-under a known name. A proxy passes ``Host`` on, or ``VERSANT_PUBLIC_URL`` says it.
+nobody: many proxies pass on what a client sends there, so a page could give its requests any host name. A proxy passes
+``Host`` on, or ``VERSANT_PUBLIC_URL`` says it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from app.core.settings.front import Network
 
 CLIENT_PREFIX = 64
-"""Of IPv6: whoever has one address has all 2^64 of its network."""
+"""Of IPv6: a client that has one address has all 2^64 of its network."""
 UNKNOWN = "unknown"
 _LONGEST_ADDRESS = 60
 
@@ -65,13 +65,13 @@ def is_within(address: str, networks: Sequence[Network]) -> bool:
     return parsed is not None and any(parsed in network for network in networks)
 
 
-def forwarded_for(peer: str, told: str, proxies: Sequence[Network]) -> str:
-    """The client's address by ``X-Forwarded-For``: each proxy adds at its end whom it heard from.
+def forwarded_for(peer: str, header: str, proxies: Sequence[Network]) -> str:
+    """The client's address by ``X-Forwarded-For``: each proxy appends the address that the request came from.
 
     So it is the last that is no trusted proxy; where something is no address, the proxy that wrote it.
     """
     nearest = peer
-    for name in reversed(told.split(",")):
+    for name in reversed(header.split(",")):
         parsed = parsed_address(name)
         if parsed is None:
             break
@@ -105,14 +105,14 @@ class Forwarded:
             _current.set(client_of((scope.get("client") or (UNKNOWN, 0))[0]))
         await self.app(scope, receive, send)
 
-    def _believed(self, scope: Scope, peer: str, told: Sequence[bytes]) -> Scope:
+    def _believed(self, scope: Scope, peer: str, headers: Sequence[bytes]) -> Scope:
         schemes = [value for name, value in scope["headers"] if name == b"x-forwarded-proto"]
         scheme = schemes[-1].decode("latin-1").strip().lower() if schemes else ""
         believed = dict(scope)
         if scheme in {"http", "https"}:
             believed["scheme"] = scheme
-        if told:
-            address = forwarded_for(peer, b",".join(told).decode("latin-1"), self._proxies)
+        if headers:
+            address = forwarded_for(peer, b",".join(headers).decode("latin-1"), self._proxies)
             believed["client"] = (address, 0)
         return believed
 

@@ -30,7 +30,7 @@ MOST_PIPELINED = 16
 """Requests that a connection may send before its first is answered: thousands fit into one packet, each of them an
 object that is kept."""
 UNREAD_S = 60.0
-"""An answer of which a client takes nothing for so long is given up, with the memory that it waits in."""
+"""An answer of which a client takes nothing for this time is given up, and its memory freed."""
 OWN_FILES = 200
 """Descriptors that are for no client: connections to the database, files, pipes."""
 SPARE = 50
@@ -52,17 +52,16 @@ def server_options(settings: Settings) -> dict[str, Any]:
     class Bounded(BoundedProtocol):
         held_by = connections
 
-    # Proxy headers are for ``app.core.receiving.clients`` alone: uvicorn would believe whoever comes from loopback.
+    # Proxy headers are for ``app.core.receiving.clients`` alone: uvicorn would believe every client on loopback.
     return {"http": Bounded, "ws": "none", "proxy_headers": False, "access_log": False}
 
 
 class Connections:
-    """Who holds how many of a process's connections. Lives in its event loop.
+    """Counts the connections of a process by client. Lives in its event loop.
 
-    Where a client has as many as it may have, or all are taken, one that waits for a request gives way: the client's
-    oldest, or the oldest of who has most. So whoever holds silent sockets holds them against themselves alone, and a
-    probe gets in, whoever it comes from. Connections with a request stay; beyond its limit a client's further requests
-    are turned away, but for probes.
+    When a client reaches its limit, its oldest idle connection is closed; when all connections are taken, the oldest
+    idle one of the client that has most. So silent sockets harm only the client that holds them, and probes always get
+    in. Connections with a request stay. Beyond its limit a client's further requests are turned away, except probes.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -76,11 +75,11 @@ class Connections:
         self._told_s = -TELL_EVERY_S
 
     def client_at(self, address: str) -> str:
-        """Whom limits count."""
+        """The client that limits count."""
         return PROXY if is_within(address, self._proxies) else client_of(address)
 
     def opened(self, connection: BoundedProtocol, client: str) -> bool:
-        """Count a new connection; False: there is no room for it."""
+        """Count a new connection; False if there is no room for it."""
         self.open += 1
         idle = self._idle.setdefault(client, {})
         if client != PROXY and len(idle) + self._busy.held[client] >= self._per_client:
@@ -91,14 +90,14 @@ class Connections:
         return self.open <= self._most + SPARE
 
     def closed(self, connection: BoundedProtocol, client: str, *, counted: bool) -> None:
-        """It is gone."""
+        """Count a closed connection no longer."""
         self.open -= 1
         self._awake(connection, client)
         if counted:
             self._busy.give_back(client)
 
     def begins(self, connection: BoundedProtocol, client: str) -> bool:
-        """A request begins on it; False: the client has too many."""
+        """A request begins on the connection; False if the client has too many."""
         self._awake(connection, client)
         busy = self._busy
         if busy.total < self._most if client == PROXY else busy.allows(client):
@@ -108,7 +107,7 @@ class Connections:
         return False
 
     def rests(self, connection: BoundedProtocol, client: str, *, counted: bool) -> None:
-        """It waits for the next request."""
+        """The connection waits for its next request."""
         self._idle.setdefault(client, {})[connection] = None
         if counted:
             self._busy.give_back(client)
@@ -160,7 +159,7 @@ class BoundedProtocol(HttpToolsProtocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Parse it, unless what has to be kept of it grows too large: a head, a field of it, trailers."""
+        """Parse it, unless the bytes to be held grow too large: a head, a field of it, trailers."""
         self._overhead_bytes += len(data)
         super().data_received(data)
         if self._overhead_bytes > HEAD_BYTES and not self.transport.is_closing():
@@ -185,7 +184,7 @@ class BoundedProtocol(HttpToolsProtocol):
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
-        """Of bodies others count the bytes."""
+        """The bytes of a body are counted elsewhere."""
         self._overhead_bytes = 0
         super().on_body(body)
 
@@ -199,17 +198,17 @@ class BoundedProtocol(HttpToolsProtocol):
             self._await_head()
 
     def send_400_response(self, msg: str) -> None:
-        """What cannot be parsed is answered in the service's own words, unless something has been said of it."""
+        """Answer what cannot be parsed, unless it was refused already."""
         if not self.transport.is_closing():
             super().send_400_response(msg)
 
     def pause_writing(self) -> None:
-        """The client takes its answer more slowly than it comes: so it may, but not stop."""
+        """The client reads its answer slowly; it must not stop reading."""
         super().pause_writing()
         self._watch_answer(self.transport.get_write_buffer_size())
 
     def resume_writing(self) -> None:
-        """It has taken most of it."""
+        """The client has read most of the answer."""
         super().resume_writing()
         if self._unread_timer is not None:
             self._unread_timer.cancel()
@@ -263,7 +262,7 @@ class _RefusedError(Exception):
 
 
 def _as_files_allow(wanted: int) -> int:
-    """So many connections as wanted, or as the process may have files; its own limit is raised to the system's."""
+    """The connections wanted, or as many as the process may open files; its limit is raised to the system's first."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     beside = OWN_FILES + SPARE
     if soft != resource.RLIM_INFINITY and soft < wanted + beside:

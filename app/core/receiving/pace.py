@@ -1,4 +1,4 @@
-"""Bodies at the pace of their clients, before anything is held for them: small ones whole, large ones not too slow."""
+"""Bodies at the pace of their clients: small ones are read before the request begins, large ones must not stall."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ LEAST_PACE_BYTES_PER_S = 1000
 
 
 class Bodies:
-    """Reads the body of a change before anything of it begins; uploads read their own, and may not stall.
+    """Reads the body of a change before its request begins; uploads read their own body and must not stall.
 
-    All else that holds a body in memory or waits for one stands behind this: request classes, threads, connections.
+    So no request class, thread or connection of the database is held while a body arrives.
     """
 
     def __init__(self, app: ASGIApp, body_timeout_s: float, upload_stall_s: float) -> None:
@@ -43,7 +43,7 @@ class Bodies:
     async def _read_first(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
             async with asyncio.timeout(self._body_timeout_s):
-                body = await _whole(receive)
+                body = await _read_body(receive)
         except TimeoutError:
             message = f"The body was not whole within {self._body_timeout_s:g} s. Send it again."
             await _refuse(scope, receive, send, KINDS[SlowClientError], message)
@@ -62,8 +62,8 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, kind: Kind, messag
     await problem_response(Request(scope), kind, message)(scope, receive, send)
 
 
-async def _whole(receive: Receive) -> bytes | None:
-    """The body, or its begin where it is too large; None: the client went away."""
+async def _read_body(receive: Receive) -> bytes | None:
+    """The body, or its beginning where it is too large; None: the client disconnected."""
     body = bytearray()
     while len(body) <= SMALL_BODY_BYTES:
         message = await receive()
@@ -89,7 +89,7 @@ def _replayed(body: bytes, receive: Receive) -> Receive:
 
 
 def _paced(receive: Receive, stall_s: float) -> Receive:
-    """The same, which raises ``SlowClientError`` where too little comes; what the service takes does not count."""
+    """``receive`` that raises ``SlowClientError`` where too little arrives; only time spent waiting counts."""
     needed, came, waited_s = LEAST_PACE_BYTES_PER_S * stall_s, 0, 0.0
 
     async def watched() -> Message:

@@ -72,7 +72,7 @@ class Base(DeclarativeBase):
     }
 
 
-def _line(srid: int) -> Geometry:
+def line(srid: int) -> Geometry:
     """A two-point line; its index is declared beside the table, so that its name is ours."""
     return Geometry("LINESTRING", srid=srid, spatial_index=False)
 
@@ -126,8 +126,8 @@ class Segment(Base):
     osm_way_id: Mapped[int] = mapped_column(BigInteger)
     from_node: Mapped[int] = mapped_column(BigInteger)
     to_node: Mapped[int] = mapped_column(BigInteger)
-    geom: Mapped[WKBElement] = mapped_column(_line(SRID_DEGREES))
-    geom_3857: Mapped[WKBElement] = mapped_column(_line(SRID_TILES))
+    geom: Mapped[WKBElement] = mapped_column(line(SRID_DEGREES))
+    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
     length_m: Mapped[float]
     highway: Mapped[str]
     name: Mapped[str | None]
@@ -143,7 +143,7 @@ class Segment(Base):
     regions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger), server_default=text("'{}'"))
     """The regions whose files have it; a segment of none is nobody's, and stays."""
     cell: Mapped[int | None] = mapped_column(Computed(MIDDLE_CELL, persisted=True))
-    """The cell that the segment's middle lies in (``app.network.cells``)."""
+    """The cell of the segment's middle (``app.network.cells``)."""
 
     __table_args__ = (
         UniqueConstraint("osm_way_id", "from_node", "to_node"),
@@ -195,7 +195,7 @@ class Drive(Base):
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
     duplicate_of: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
-    """The drive that is heard in this one's place, for it is the same one (``app.network.duplicates``)."""
+    """The drive that this one duplicates, which counts in its place (``app.network.duplicates``)."""
     batch_id: Mapped[int | None] = mapped_column(ForeignKey("batches.id", ondelete="SET NULL"))
     """The batch with which it was last asked for; NULL where it was asked for by itself."""
     before_batch: Mapped[dict[str, Any] | None]
@@ -205,7 +205,7 @@ class Drive(Base):
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]
     computed_at: Mapped[datetime | None]
-    """When its last run had said all; from then on it waited for its cells to be solved."""
+    """When its last run ended; from then on it waited for its cells to be solved."""
     traceparent: Mapped[str | None]
     """The trace of the request that asked for it (W3C Trace Context); NULL where none is recorded."""
 
@@ -277,7 +277,7 @@ class _OfNetwork:
     """What the network knows of a segment besides its slope; NULL where it is not in the network."""
 
     driven_share: Mapped[float | None]
-    """Share of the length over which passes are heard."""
+    """Share of the length over which passes are accepted."""
     height_from_m: Mapped[float | None]
     height_to_m: Mapped[float | None]
     height_sigma_m: Mapped[float | None]

@@ -1,15 +1,15 @@
-"""The tables of roads that change: regions, and the attic for what was measured on lost ones."""
+"""The tables of roads that change: regions, and the retired evidence of deleted roads."""
 
 from __future__ import annotations
 
 import uuid
 from datetime import datetime
 
-from geoalchemy2 import Geometry, WKBElement
+from geoalchemy2 import WKBElement
 from sqlalchemy import BigInteger, ForeignKey, Identity, SmallInteger, func
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import SRID_DEGREES, Base
+from app.core.tables import SRID_DEGREES, Base, line
 
 
 class Region(Base):
@@ -33,7 +33,7 @@ class Region(Base):
 
 
 class RetiredSegment(Base):
-    """A road that was dropped or went elsewhere, as it was when something had been measured on it."""
+    """A road that was deleted or moved, as it was when something was measured on it."""
 
     __tablename__ = "retired_segments"
 
@@ -43,13 +43,13 @@ class RetiredSegment(Base):
     osm_way_id: Mapped[int] = mapped_column(BigInteger)
     from_node: Mapped[int] = mapped_column(BigInteger)
     to_node: Mapped[int] = mapped_column(BigInteger)
-    geom: Mapped[WKBElement] = mapped_column(Geometry("LINESTRING", srid=SRID_DEGREES, spatial_index=False))
+    geom: Mapped[WKBElement] = mapped_column(line(SRID_DEGREES))
     length_m: Mapped[float]
     retired_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)
 
 
-class _InAttic:
-    """What a drive said of such a road, in one of its runs: that of the provenance of this number."""
+class _Retired:
+    """Evidence of one drive on a retired segment, from the run whose provenance has the number ``run``."""
 
     id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
     retired_id: Mapped[int] = mapped_column(ForeignKey("retired_segments.id", ondelete="CASCADE"), index=True)
@@ -58,7 +58,7 @@ class _InAttic:
     """No foreign key: a drive that was computed anew has another, and is computed once more if the road comes back."""
 
 
-class RetiredPass(_InAttic, Base):
+class RetiredPass(_Retired, Base):
     """A pass (``DrivePass``)."""
 
     __tablename__ = "retired_passes"
@@ -68,7 +68,7 @@ class RetiredPass(_InAttic, Base):
     factor: Mapped[bytes]
 
 
-class RetiredEstimate(_InAttic, Base):
+class RetiredEstimate(_Retired, Base):
     """An estimate (``DriveSegment``)."""
 
     __tablename__ = "retired_estimates"

@@ -1,4 +1,4 @@
-"""The tables of what is served besides segments: what changed when, ways, and what is drawn of roads from afar."""
+"""The tables of what is served besides segments: changes, ways, what low zooms draw, and stored vector tiles."""
 
 from __future__ import annotations
 
@@ -8,14 +8,10 @@ from geoalchemy2 import Geometry, WKBElement
 from sqlalchemy import BigInteger, CheckConstraint, Index, SmallInteger, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import SRID_DEGREES, SRID_TILES, Base
+from app.core.tables import SRID_DEGREES, SRID_TILES, Base, line
 
 DRAWN_LEVELS = (12, 10, 8, 6)
 """Each is drawn at this zoom and at the one below."""
-
-
-def _line(srid: int) -> Geometry:
-    return Geometry("LINESTRING", srid=srid, spatial_index=False)
 
 
 class SegmentChange(Base):
@@ -73,8 +69,8 @@ class Way(Base):
     """Mean grade over the steepest 20 m, signed; from and to: metres from ``from_node``."""
     steepest_from_m: Mapped[float | None]
     steepest_to_m: Mapped[float | None]
-    geom: Mapped[WKBElement] = mapped_column(_line(SRID_DEGREES))
-    geom_3857: Mapped[WKBElement] = mapped_column(_line(SRID_TILES))
+    geom: Mapped[WKBElement] = mapped_column(line(SRID_DEGREES))
+    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
 
     __table_args__ = (
         Index("ix_ways_geom", "geom", postgresql_using="gist"),
@@ -103,7 +99,7 @@ class DrawnPiece(Base):
     slope_sigma_percent: Mapped[float | None]
     drives: Mapped[int]
     length_m: Mapped[float]
-    geom_3857: Mapped[WKBElement] = mapped_column(_line(SRID_TILES))
+    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
 
     __table_args__ = tuple(
         Index(
@@ -152,3 +148,35 @@ class CellToDraw(Base):
     level: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
     cell: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     since: Mapped[datetime] = mapped_column(server_default=func.now())
+
+
+class StoredTile(Base):
+    """A vector tile as it was built last, compressed. It can be built again: unlogged, and in no dump."""
+
+    __tablename__ = "stored_tiles"
+
+    layer: Mapped[str] = mapped_column(primary_key=True)
+    z: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    x: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    y: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    tag: Mapped[str]
+    """The ETag that it was built for; with another one it is old."""
+    size_bytes: Mapped[int]
+    asked: Mapped[int] = mapped_column(BigInteger, server_default="1")
+    """How often it was asked for, as far as processes have told."""
+    asked_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    """What was asked for last stays longest where room is short."""
+    body: Mapped[bytes]
+    """The tile, gzip."""
+
+    __table_args__ = ({"prefixes": ["UNLOGGED"], "postgresql_with": {"toast_tuple_target": "128"}},)
+
+
+class TileEpoch(Base):
+    """One row: the epoch of tile versions. A restored database or deleted cells begin a new one."""
+
+    __tablename__ = "tile_epoch"
+
+    id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    epoch: Mapped[str]
+    """Random. With the number of the transaction that wrote the row, which a dump does not bring back."""

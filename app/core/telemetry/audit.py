@@ -1,4 +1,4 @@
-"""The log of what was destroyed, or asked for in bulk, over HTTP: a row that commits with what it tells of.
+"""The audit log: what was deleted, or asked for in bulk, over HTTP, as a row that commits with the change.
 
 There is no login yet, so who it was is what the service can see: the client's address (``app.core.receiving.clients``
 says who that is behind a proxy) and its program.
@@ -22,7 +22,7 @@ LONGEST_PROGRAM = 80
 LONGEST_SUBJECT = 200
 MOST_SHOWN = 500
 MOST_KEPT = 100_000
-"""Rows: whoever may ask at all could ask a hundred times a second. The latest stay."""
+"""Rows: a client could ask a hundred times a second. The latest stay."""
 NAMES, PLACES = frozenset({"filename"}), frozenset({"bbox"})
 """Details that no row holds, and those of which it holds only that there were any."""
 
@@ -67,7 +67,7 @@ Origin = Annotated[str, Depends(get_origin)]
 def note(session: Session, origin: str, action: str, subject: object, **detail: Any) -> None:
     """Write a row in the session's transaction; what of ``detail`` is None is left out.
 
-    Rows outlast what they tell of, so none holds the name of an uploaded file or a place: a box is told as ``true``.
+    Rows outlast their subjects, so none holds the name of an uploaded file or a place: a box is noted as ``true``.
     """
     shown: Mapping[str, Any] = {
         name: name in PLACES or value
@@ -83,11 +83,11 @@ def note(session: Session, origin: str, action: str, subject: object, **detail: 
     session.execute(_ADD, values)
 
 
-def prune(session: Session, kept: int = MOST_KEPT) -> None:
-    """Forget all but about so many of the latest rows."""
-    session.execute(_PRUNE, {"kept": kept})
+def prune(session: Session, most: int = MOST_KEPT) -> None:
+    """Delete all but about ``most`` of the latest rows."""
+    session.execute(_PRUNE, {"kept": most})
 
 
 def entries(session: Session, days: int, most: int = MOST_SHOWN) -> list[Audited]:
-    """The latest rows of so many days, the newest first."""
+    """At most ``most`` rows of the last ``days``, the newest first."""
     return [Audited(*row) for row in session.execute(_READ, {"days": days, "most": most})]

@@ -1,4 +1,4 @@
-"""Stretches of work that are logged, timed and traced alike: what begins here ends in all three."""
+"""Stretches of work that are logged, timed and traced at once: stages of a drive, and imports."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Stages:
         self._seconds: dict[str, float] = {}
 
     def begin(self, stage: str) -> None:
-        """The former one ends and this one begins."""
+        """End the former stage and begin this one."""
         self.end()
         self._open.enter_context(tracing.span(f"drive {stage}", stage=stage))
         self._stage, self._began_s = stage, time.monotonic()
 
     def end(self, error: BaseException | None = None) -> None:
-        """The last one ends; ``error`` is what ended it."""
+        """End the present stage; ``error`` is what ended it."""
         if self._stage is not None:
             took_s = time.monotonic() - self._began_s
             self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + took_s
@@ -52,16 +52,16 @@ class Stages:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """How long each took, as fields of a line of the log."""
+        """Seconds of each stage, as fields of a line of the log."""
         return {f"{stage}_s": took_s for stage, took_s in self._seconds.items()}
 
 
 def imported(kind: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Let a function that imports something tell of it: what it counted, how long it took, why it failed."""
+    """Decorator of a function that imports something: logs, counts and traces its counts, duration and failure."""
 
     def wrap(function: Callable[P, R]) -> Callable[P, R]:
         @functools.wraps(function)
-        def told(*arguments: P.args, **options: P.kwargs) -> R:
+        def wrapped(*arguments: P.args, **options: P.kwargs) -> R:
             started_s = time.monotonic()
             with tracing.span(f"import {kind}") as span:
                 try:
@@ -81,7 +81,7 @@ def imported(kind: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 tell(logger, f"{kind} imported", seconds=took_s, **counts)
                 return result
 
-        return told
+        return wrapped
 
     return wrap
 

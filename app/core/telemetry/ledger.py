@@ -1,8 +1,8 @@
-"""The totals of all processes there have been, in the database: each writes a row of its own, the API adds them up.
+"""Totals of all processes in the database: each process writes a row of its own, and the API adds them up.
 
-So there is no port to scrape on each worker, no two processes wait for each other, and what is counted outlives who
-counted it: a killed worker loses the last few seconds. Rows of processes that have ended are added up into one. Whoever
-finds that its row went so, having been silent for long, begins another with what came since: no counter ever falls.
+So no worker needs a port to scrape, no two processes wait for each other, and totals outlive the process that counted
+them: a killed worker loses the last few seconds. Rows of processes that have ended are folded into one. A process whose
+row was folded, since it was silent for long, begins another with what came since: no counter ever falls.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from app.core.telemetry.measures import Totals, growth, totals_now
 
 WRITE_EVERY_S = 5.0
 FOLD_AFTER_S = 3600.0
-"""Rows that have not been written for so long are added up."""
+"""Age of rows that are folded into one."""
 FOLD_FROM_ROWS = 20
-"""Fewer are left as they are."""
+"""Fewer rows are not folded."""
 
 logger = logging.getLogger(__name__)
 
@@ -65,7 +65,7 @@ _FOLD = text(
 
 
 class Ledger:
-    """What this process counts from here on, and its row."""
+    """Counts of this process from now on, and its row."""
 
     def __init__(self, sessions: Sessions, process: str) -> None:
         self._sessions, self._process = sessions, process

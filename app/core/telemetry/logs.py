@@ -1,7 +1,7 @@
-"""Lines of the log: one for each request and each event of a drive, as text or as JSON, with the ids they are about.
+"""Lines of the log: one for each request and each event of a drive, as text or as JSON, with the ids of their subjects.
 
-Nothing of a track stands in them. Who tells something names ids, counts and times, never a place; names of files, which
-may hold a person's, are told at DEBUG alone. To be sure, numbers that are as long as those of places are blanked in
+They hold nothing of a track: ids, counts and times, never a place. Names of files, which
+may hold a person's, are logged at DEBUG alone. To be sure, numbers as long as those of places are blanked in
 whatever comes: messages and tracebacks of others, words of the database.
 """
 
@@ -40,7 +40,7 @@ DIGITS = 3
 
 _IDS: ContextVar[Mapping[str, str]] = ContextVar("versant_ids", default={})  # noqa: B039 - it is never changed
 
-# A degree with four decimals is a street. Times have three, and so has what is told.
+# A degree with four decimals is a street. Times and figures of events have three.
 _PLACE = re.compile(r"(?<![\w.])[-+]?\d{1,3}\.\d{4,}")
 _GEOMETRY = re.compile(r"\b0[01][0-9A-F]{40,}\b")
 _BLANK = "(blanked)"
@@ -75,12 +75,12 @@ def blanked(text: str) -> str:
 
 
 def reason_text(reason: str | None) -> Any:
-    """Why something failed, as it may be stored: it is told to operators too, so no place is in it."""
+    """The reason of a failure as it may be stored: operators see it too, so it holds no place."""
     return plain_text(None if reason is None else blanked(reason))
 
 
 class _Lines(logging.Formatter):
-    """What both kinds of lines have in common."""
+    """The common part of both kinds of lines."""
 
     def __init__(self, process: str) -> None:
         super().__init__()
@@ -107,13 +107,13 @@ class TextLines(_Lines):
 
     def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
         """The line, and the lines of a traceback."""
-        said = " ".join(
+        message = " ".join(
             [
                 _one_line(record.getMessage().rstrip()),
                 *(f"{name}={_word(value)}" for name, value in fields.items()),
             ]
         )
-        head = f"{_moment(record)} {record.levelname} {self._process} {record.name}: {said}"
+        head = f"{_moment(record)} {record.levelname} {self._process} {record.name}: {message}"
         trace = self.trace(record)
         return head if trace is None else f"{head}\n{trace}"
 
@@ -122,7 +122,7 @@ class JsonLines(_Lines):
     """One JSON object a line; ``error`` holds a traceback."""
 
     def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
-        """The object; what every line has comes first and is never another thing."""
+        """The object; the fields of every line come first and cannot be overwritten."""
         own = {
             "time": _moment(record),
             "level": record.levelname,
@@ -137,7 +137,7 @@ class JsonLines(_Lines):
 
 
 class _StandardError(logging.StreamHandler[TextIO]):
-    """Standard error as it is when a line is written: who has taken it for a while closes what it put there."""
+    """Standard error as it is when a line is written: a program that replaces it closes its replacement."""
 
     @property
     def stream(self) -> TextIO:

@@ -40,7 +40,7 @@ class Measure:
     buckets: tuple[float, ...] = ()
 
     def count(self, *values: str, by: float = 1.0) -> None:
-        """Count so many more with these labels."""
+        """Count ``by`` more with these labels."""
         self._add({"": by}, values)
 
     def observe(self, seconds: float, *values: str) -> None:

@@ -1,7 +1,7 @@
 """Each request's number, its line in the log and its span.
 
 The line holds the template of the route, the path unless that is a place (a tile), and the names of the query's
-parameters without their values: a box or a list of places is where somebody lives, or looks.
+parameters without their values: a box or a list of places tells where somebody lives, or looks.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from app.core.telemetry.logs import about, tell
 
 REQUEST_ID = "X-Request-ID"
 QUIET = frozenset({"/healthz", "/readyz", "/metrics"})
-"""Asked every few seconds by machines: told at DEBUG."""
+"""Machines ask for these every few seconds: logged at DEBUG."""
 NO_ROUTE = "(no route)"
 LONGEST_PATH = 200
 
@@ -33,7 +33,7 @@ logger = logging.getLogger(__name__)
 
 
 class RequestLog:
-    """Numbers every request, answers with that number, and tells of it when its answer has ended.
+    """Numbers every request, answers with that number, and logs the request when its answer has ended.
 
     A number that the client or a proxy sends as ``X-Request-ID`` is kept, if it can be one.
     """
@@ -65,7 +65,7 @@ class RequestLog:
             try:
                 await self.app(scope, receive, watched)
             finally:
-                facts = self._told(scope, status)
+                facts = self._facts(scope, status)
                 span.name(f"{scope['method']} {facts['route']}")
                 span.note(**facts, request=number)
                 span.failed(status >= 500)
@@ -79,7 +79,7 @@ class RequestLog:
                 )
 
     @staticmethod
-    def _told(scope: Scope, status: int) -> dict[str, object]:
+    def _facts(scope: Scope, status: int) -> dict[str, object]:
         route = getattr(scope.get("route"), "path", NO_ROUTE)
         parts = scope.get("path_params") or {}
         path = None if _PLACES & parts.keys() else scope["path"][:LONGEST_PATH]

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any
 
 from app.core.settings import Settings, SettingsError
 from app.core.telemetry.logs import present_ids
@@ -21,28 +21,20 @@ TRACES_PATH = "/v1/traces"
 logger = logging.getLogger(__name__)
 
 
-class Span(Protocol):
-    """What is told of a stretch of work."""
+class Span:
+    """A stretch of work in a trace; this class itself is of no trace, for where tracing is off."""
 
     def name(self, name: str) -> None:
-        """Call it otherwise than at its beginning."""
+        """Rename it."""
 
     def note(self, **facts: object) -> None:
         """Ids and counts; what is None is left out."""
 
     def failed(self, failed: bool = True) -> None:
-        """It did not end well."""
+        """Mark it as failed, unless ``failed`` is False."""
 
 
-class _NoSpan:
-    """Tells nobody."""
-
-    def name(self, name: str) -> None: ...
-    def note(self, **facts: object) -> None: ...
-    def failed(self, failed: bool = True) -> None: ...
-
-
-_NOTHING = _NoSpan()
+_NO_SPAN = Span()
 _tracer: _Tracer | None = None
 
 
@@ -53,7 +45,7 @@ def span(name: str, *, server: bool = False, parent: str | None = None, **facts:
     ``server``: it answers somebody outside. An error that leaves the block marks it as failed, by its class alone.
     """
     if _tracer is None:
-        yield _NOTHING
+        yield _NO_SPAN
         return
     with _tracer.span(name, server, parent, {**present_ids(), **facts}) as made:
         yield made
@@ -94,7 +86,7 @@ def end_tracing() -> None:
 
 
 class _Tracer:
-    """What of OpenTelemetry is used; imported with the first of these."""
+    """The part of OpenTelemetry that is used; it is imported here."""
 
     def __init__(self, processor: Any, process: str) -> None:
         from opentelemetry.sdk.resources import Resource  # noqa: PLC0415
@@ -119,7 +111,7 @@ class _Tracer:
         with self._tracer.start_as_current_span(
             name, context, kind, record_exception=False, set_status_on_exception=False
         ) as made:
-            reported = _Told(made)
+            reported = _OtelSpan(made)
             reported.note(**facts)
             try:
                 yield reported
@@ -137,8 +129,8 @@ class _Tracer:
         self._provider.shutdown()
 
 
-class _Told:
-    """A span of OpenTelemetry's, under the names of the log."""
+class _OtelSpan(Span):
+    """A span of OpenTelemetry, with the field names of the log."""
 
     def __init__(self, span: Any) -> None:
         self._span = span

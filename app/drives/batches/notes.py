@@ -22,17 +22,17 @@ def note(
     selection: Selection, method: str | None, chosen: int, skipped: Mapping[str, int], standing: Standing
 ) -> str | None:
     """The sentences for whoever asked; None where all that was meant was chosen."""
-    said = []
+    sentences = []
     if skipped:
         kinds = ", ".join(f"{count} {kind}" for kind, count in skipped.items())
-        said.append(
+        sentences.append(
             f"{_drives(sum(skipped.values()), 'failed ')} left out, because this version of the code has found that "
             f"the log itself cannot be used, and would again: {kinds}. To try all the same, name the drive (--drive "
             "ID), name the kind of failure (--failure KIND, failure=KIND), or use --force (force=true)."
         )
     if not chosen and not skipped:
-        said.append(f"Nothing was chosen. {_why_none(selection, method, standing)}")
-    return " ".join(said) or None
+        sentences.append(f"Nothing was chosen. {_why_none(selection, method, standing)}")
+    return " ".join(sentences) or None
 
 
 def _why_none(selection: Selection, method: str | None, standing: Standing) -> str:

@@ -26,7 +26,7 @@ from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
 from app.drives.batches import removing_store as store
 from app.drives.batches.documents import BatchRequest, Selection, Which
-from app.drives.batches.removing_store import Meant, Sums
+from app.drives.batches.removing_store import Sums, Targets
 from app.drives.batches.routes import chosen
 from app.jobs.requests.pieces import do_pieces, never
 from app.jobs.task import Task, Work
@@ -96,7 +96,7 @@ def remove_drives(
     base: BaseUrl,
     response: Response,
     origin: Origin,
-    asked: Annotated[RemovalRequest, Query()],
+    query: Annotated[RemovalRequest, Query()],
 ) -> Removal:
     """Remove every done or failed drive that is meant, with its log and all that it said, as `DELETE` does of one.
 
@@ -105,33 +105,33 @@ def remove_drives(
     called off. Once more finds nothing left to remove.
     """
     refuse_unknown(request, RemovalRequest.model_fields, BadRequestError)
-    meant = _meant(service, asked)
+    targets = _parse_targets(service, query)
     with service.sessions.begin() as session:
-        sums = store.sums_of(session, meant)
-        asked_at = store.ask(session, meant) if sums.drives and not asked.dry_run else None
+        sums = store.sums_of(session, targets)
+        asked_at = store.ask(session, targets) if sums.drives and not query.dry_run else None
         if asked_at is not None:
             audit.note(
                 session,
                 origin,
                 "drives removed",
                 "1 drive" if sums.drives == 1 else f"{sums.drives} drives",
-                **meant.selection.model_dump(mode="json", exclude_none=True, exclude={"force"}),
-                ids=None if meant.ids is None else [str(one) for one in meant.ids],
+                **targets.selection.model_dump(mode="json", exclude_none=True, exclude={"force"}),
+                ids=None if targets.ids is None else [str(one) for one in targets.ids],
                 km=round(sums.km, 1),
             )
-    if asked.dry_run:
+    if query.dry_run:
         response.status_code = 200
     else:
         tell(logger, "removal of drives asked for", drives=sums.drives)
     if asked_at is not None:
-        _remove(service.sessions, meant, asked_at)
+        _remove(service.sessions, targets, asked_at)
     links = (
         []
-        if asked.dry_run
+        if query.dry_run
         else [link(f"{base}/v1/admin/queue", "monitor", title="How many removals are under way")]
     )
     return Removal(
-        **sums._asdict(), dry_run=asked.dry_run, sentence=_sentence(sums, asked.dry_run), links=links
+        **sums._asdict(), dry_run=query.dry_run, sentence=_sentence(sums, query.dry_run), links=links
     )
 
 
@@ -140,8 +140,8 @@ def removing_task(sessions: Sessions) -> Task:
 
     def run(work: Work, *, asked_at: str, selection: Any, method: str | None, ids: list[str] | None) -> str:
         numbers = None if ids is None else tuple(uuid.UUID(one) for one in ids)
-        meant = Meant(Selection.model_validate(selection), method, numbers)
-        return f"{_remove(sessions, meant, datetime.fromisoformat(asked_at), work.should_stop)} drives"
+        targets = Targets(Selection.model_validate(selection), method, numbers)
+        return f"{_remove(sessions, targets, datetime.fromisoformat(asked_at), work.should_stop)} drives"
 
     def put_back(**_: Any) -> None:
         """Nothing waits but the job, and that goes back by itself."""
@@ -153,13 +153,13 @@ def removing_task(sessions: Sessions) -> Task:
 
 
 def _remove(
-    sessions: Sessions, meant: Meant, asked_at: datetime, should_stop: Callable[[], bool] = never
+    sessions: Sessions, targets: Targets, asked_at: datetime, should_stop: Callable[[], bool] = never
 ) -> int:
     count, last = 0, None
 
     def piece(session: Session) -> bool:
         nonlocal count, last
-        drives, last = store.remove_piece(session, meant, asked_at, last)
+        drives, last = store.remove_piece(session, targets, asked_at, last)
         count += drives
         return last is not None
 
@@ -168,24 +168,24 @@ def _remove(
     return count
 
 
-def _meant(service: Service, asked: RemovalRequest) -> Meant:
+def _parse_targets(service: Service, query: RemovalRequest) -> Targets:
     """``BadRequestError`` for what cannot be meant."""
-    ids = _ids(asked.ids)
-    filters = asked.model_dump(exclude={"method", "dry_run", "bbox", "which", "ids", "force"})
-    if ids is None and asked.which is None and asked.bbox is None and not any(filters.values()):
+    ids = _ids(query.ids)
+    filters = query.model_dump(exclude={"method", "dry_run", "bbox", "which", "ids", "force"})
+    if ids is None and query.which is None and query.bbox is None and not any(filters.values()):
         raise BadRequestError(
             "Which drives? Name some (ids), or a filter; which=all means all of them.", field="which"
         )
     # Also those whose log cannot be used: of these one wants to be rid.
-    filters |= {"which": asked.which or Which.ALL, "force": True}
-    selection, method = chosen(service, filters, asked.bbox, asked.method)
-    return Meant(selection, method, ids)
+    filters |= {"which": query.which or Which.ALL, "force": True}
+    selection, method = chosen(service, filters, query.bbox, query.method)
+    return Targets(selection, method, ids)
 
 
-def _ids(asked: list[str] | None) -> tuple[uuid.UUID, ...] | None:
-    if asked is None:
+def _ids(query: list[str] | None) -> tuple[uuid.UUID, ...] | None:
+    if query is None:
         return None
-    named = [one.strip() for text in asked for one in text.split(",") if one.strip()]
+    named = [one.strip() for text in query for one in text.split(",") if one.strip()]
     if not named or len(named) > MOST_IDS:
         raise BadRequestError(f"ids: name 1 to {MOST_IDS} drives.", field="ids")
     try:

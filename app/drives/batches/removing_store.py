@@ -53,7 +53,7 @@ _REMOVE = f"""
 _NOW = text("SELECT clock_timestamp()")
 
 
-class Meant(NamedTuple):
+class Targets(NamedTuple):
     """Which drives are to go: by a selection, or by their ids."""
 
     selection: Selection
@@ -76,27 +76,27 @@ class Place(NamedTuple):
     id: uuid.UUID
 
 
-def sums_of(session: Session, meant: Meant) -> Sums:
+def sums_of(session: Session, targets: Targets) -> Sums:
     """What would go now. Reads the whole table."""
-    where, values = _where(meant, None)
+    where, values = _where(targets, None)
     return Sums(*session.execute(text(_COUNT + where), values).one())
 
 
-def ask(session: Session, meant: Meant) -> datetime:
+def ask(session: Session, targets: Targets) -> datetime:
     """Have a worker remove them, those that are meant at this moment."""
     asked_at: datetime = session.execute(_NOW).scalar_one()
-    ids = None if meant.ids is None else [str(one) for one in meant.ids]
-    selection = meant.selection.model_dump_json(exclude_none=True)
-    arguments = {"selection": json.loads(selection), "method": meant.method, "ids": ids}
+    ids = None if targets.ids is None else [str(one) for one in targets.ids]
+    selection = targets.selection.model_dump_json(exclude_none=True)
+    arguments = {"selection": json.loads(selection), "method": targets.method, "ids": ids}
     add_job(session, REMOVE_DRIVES, lock=ONE_AT_A_TIME, asked_at=asked_at.isoformat(), **arguments)
     return asked_at
 
 
 def remove_piece(
-    session: Session, meant: Meant, asked_at: datetime, after: Place | None
+    session: Session, targets: Targets, asked_at: datetime, after: Place | None
 ) -> tuple[int, Place | None]:
     """Cancel the next drives after a place; how many, and the last of them: None, there are no more."""
-    where, values = _where(meant, asked_at)
+    where, values = _where(targets, asked_at)
     if after is not None:
         where, values = where + _AFTER, {**values, "after_created_at": after.created_at, "after_id": after.id}
     session.execute(_ONE_BY_ONE)
@@ -105,8 +105,8 @@ def remove_piece(
     return row.drives, None if row.id is None else Place(row.created_at, row.id)
 
 
-def _where(meant: Meant, asked_at: datetime | None) -> tuple[str, Mapping[str, Any]]:
-    where, values = conditions(meant.selection, meant.method)
-    statuses = ["done", "failed"] if meant.ids is None else ["done", "failed", "queued", "running"]
-    ids = None if meant.ids is None else list(meant.ids)
+def _where(targets: Targets, asked_at: datetime | None) -> tuple[str, Mapping[str, Any]]:
+    where, values = conditions(targets.selection, targets.method)
+    statuses = ["done", "failed"] if targets.ids is None else ["done", "failed", "queued", "running"]
+    ids = None if targets.ids is None else list(targets.ids)
     return _MEANT + where, {**values, "statuses": statuses, "ids": ids, "asked_at": asked_at}

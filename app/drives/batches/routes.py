@@ -40,7 +40,7 @@ def reprocess_drives(
     base: BaseUrl,
     response: Response,
     origin: Origin,
-    asked: Annotated[BatchRequest, Query()],
+    query: Annotated[BatchRequest, Query()],
 ) -> BatchAccepted:
     """Queue every done or failed drive that is meant; without any filter, those that are not of `method` already.
 
@@ -50,13 +50,13 @@ def reprocess_drives(
     and answers 200.
     """
     refuse_unknown(request, BatchRequest.model_fields, BadRequestError)
-    filters = asked.model_dump(exclude={"method", "dry_run", "bbox"})
-    selection, method = chosen(service, filters, asked.bbox, asked.method)
+    filters = query.model_dump(exclude={"method", "dry_run", "bbox"})
+    selection, method = chosen(service, filters, query.bbox, query.method)
     with service.reading() as session:
         skipped, before = count_skipped(session, selection, method), standing(session)
-        count = count_selected(session, selection, method) if asked.dry_run else 0
+        count = count_selected(session, selection, method) if query.dry_run else 0
     complete, links = True, []
-    if asked.dry_run:
+    if query.dry_run:
         response.status_code = 200
     else:
         number, count = enqueuing.reprocess_all(service.sessions, selection, method, origin=origin)
@@ -68,7 +68,7 @@ def reprocess_drives(
         queued=count,
         complete=complete,
         method=method,
-        dry_run=asked.dry_run,
+        dry_run=query.dry_run,
         skipped=skipped,
         note=note(selection, method, count, skipped, before),
         links=links,

@@ -10,7 +10,7 @@ from app.core.version import code_version
 from app.drives.batches.documents import HOPELESS, Selection, Which
 from fusion.registry import METHOD_NAMES
 
-# In the squares of the roads that it measured, roads have come, gone or moved since its run (p) took them.
+# In the cells of the roads that it measured, roads have come, gone or moved since its run (p) took them.
 _OTHER_ROADS = """
     EXISTS (
         SELECT FROM drive_segments AS e JOIN segments AS s ON s.id = e.segment_id JOIN cells AS c ON c.id = s.cell
@@ -92,9 +92,9 @@ def conditions(
     ``method`` is the one that they are to be processed by; only drives ``other`` than of it need one. ``skipped``: of
     those that are left out although they fit, since their logs cannot be used.
     """
-    asked = {name: value for name in _FILTERS if (value := getattr(selection, name)) is not None}
-    parts = [_WHICH[selection.which], *(_FILTERS[name] for name in asked)]
-    values: dict[str, Any] = {**asked, "method": method}
+    filters = {name: value for name in _FILTERS if (value := getattr(selection, name)) is not None}
+    parts = [_WHICH[selection.which], *(_FILTERS[name] for name in filters)]
+    values: dict[str, Any] = {**filters, "method": method}
     if selection.which is Which.STALE:
         values |= {"present_version": code_version(), "defaults": json.dumps(_defaults())}
     if skipped or not includes_hopeless(selection):

@@ -206,8 +206,8 @@ def open_batch(session: Session, selection: Selection, method: str | None) -> in
     values = {"selection": selection.model_dump_json(exclude_none=True), "method": method}
     while True:
         for statement in (_OPEN, _FIND):
-            if (found := session.execute(statement, values).scalar()) is not None:
-                return int(found)
+            if (number := session.execute(statement, values).scalar()) is not None:
+                return int(number)
         # the one that was in the way has just been enqueued to its end
 
 
@@ -221,8 +221,8 @@ def enqueue_piece(session: Session, batch: int) -> bool:
     statement = text(
         _ENQUEUE.format(selected=selected, anew=ANEW, jobs=jobs_behind(TASK), before=BEFORE_BATCH)
     )
-    whole = {**held._mapping, **values, "batch": batch, "piece": PIECE_DRIVES, "traceparent": None}
-    return bool(session.execute(statement, whole).scalar_one())
+    parameters = {**held._mapping, **values, "batch": batch, "piece": PIECE_DRIVES, "traceparent": None}
+    return bool(session.execute(statement, parameters).scalar_one())
 
 
 def count_selected(session: Session, selection: Selection, method: str | None) -> int:
@@ -271,21 +271,21 @@ def batch_progress(session: Session, batch: int | None = None) -> Batch | None:
     """
     if batch is None:
         return _progress({"state": "enqueued"}, session.execute(_COUNTS_UNDER_WAY).one()._mapping)
-    if (known := session.execute(_GET, {"batch": batch}).one_or_none()) is None:
+    if (row := session.execute(_GET, {"batch": batch}).one_or_none()) is None:
         return None
     counts = session.execute(_COUNTS_OF_BATCH, {"batch": batch}).one()._mapping
-    return _progress(dict(known._mapping), counts)
+    return _progress(dict(row._mapping), counts)
 
 
-def _progress(known: dict[str, Any], counts: Any) -> Batch:
+def _progress(row: dict[str, Any], counts: Any) -> Batch:
     finished, all_of_it = counts["done"] + counts["failed"], counts["drives"]
-    state = known["state"]
+    state = row["state"]
     if state == "enqueued":
         state = BatchState.DONE if finished == all_of_it else BatchState.RUNNING
     share = 1.0 if not all_of_it else (finished + counts["half_done"]) / all_of_it
     if state == BatchState.ENQUEUING and not all_of_it:
         share = 0.0
-    return Batch(**{**known, **counts, "state": state, "progress": min(share, 1.0)})
+    return Batch(**{**row, **counts, "state": state, "progress": min(share, 1.0)})
 
 
 def enqueued(session: Session, batch: int) -> int:

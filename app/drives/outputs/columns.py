@@ -1,4 +1,4 @@
-"""Long columns of numbers and times on their way into JSON and CSV, without a look at each by itself."""
+"""Long columns of numbers and times as JSON and CSV, converted as arrays."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The process in which pictures are drawn: beside the one that answers, which a picture would keep from answering.
+"""The process that draws pictures, beside the one that answers requests, which drawing would block.
 
 It is started with the first picture (loading matplotlib takes half a second and 100 MB), draws one at a time, and is
-started again when it ended. What is drawn is handed over whole; the process knows no database.
+started again when it has ended. It gets all data of a picture at once and knows no database.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Drawing:
 
     def __init__(self, most_waiting: int) -> None:
         self.request_class = RequestClass(1, most_waiting, LONGEST_WAIT_S)
-        """Hold its place from before what is drawn is read: only one at a time is in memory."""
+        """Hold its place before reading the data of a picture: only one at a time is in memory."""
         self._lock = Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._pipe: Connection | None = None
@@ -42,9 +42,9 @@ class Drawing:
     ) -> bytes:
         """The PNG; ``NotReadyError`` when the process ends or stays silent over it."""
         with self._lock:
-            for _ in range(2):  # one that was ended at rest, for lack of memory say, is found out only now
+            for _ in range(2):  # a process that ended while idle, for lack of memory say, is noticed only now
                 try:
-                    return self._asked((profile, title, measurements, datum))
+                    return self._draw((profile, title, measurements, datum))
                 except (EOFError, OSError):
                     self._stop()
         raise NotReadyError(
@@ -56,7 +56,7 @@ class Drawing:
         with self._lock:
             self._stop()
 
-    def _asked(self, picture: tuple[Profile, str, DrawnMeasurements | None, str | None]) -> bytes:
+    def _draw(self, picture: tuple[Profile, str, DrawnMeasurements | None, str | None]) -> bytes:
         pipe = self._pipe or self._start()
         pipe.send(picture)
         if not pipe.poll(LONGEST_S):

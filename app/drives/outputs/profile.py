@@ -17,7 +17,7 @@ from fusion.types import PAUSE_S, Floats, Ints, Track
 
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius of the ellipsoid: the distance driven is off by less than 0.6 % anywhere."""
-ASKEW = 0.5
+LEAST_COSINE = 0.5
 """Cosine between a vehicle's heading and its road below which the heading says nothing of the direction."""
 
 
@@ -144,7 +144,7 @@ def build_profile(
 
 @dataclass(frozen=True, eq=False)
 class _Driven:
-    """What is known of the segments of a drive, once for each: a drive of hours has tens of thousands of epochs.
+    """Facts of the segments of a drive, each segment once: a drive of hours has tens of thousands of epochs.
 
     ``row`` is an epoch's place in all other columns but ``knots_m``, which holds the heights of the elevation model of
     one segment after the other, ``knots`` of each.
@@ -164,7 +164,7 @@ class _Driven:
     def of(
         cls, segment: Ints, slopes: Mapping[int, tuple[float, float]], roads: Mapping[int, RoadFacts]
     ) -> _Driven:
-        """What the two know of the segments of these epochs."""
+        """What estimates and roads say of the segments of these epochs."""
         each, row = np.unique(segment, return_inverse=True)
         estimates = [slopes.get(int(s), (math.nan, math.nan)) for s in each]
         facts = [roads.get(int(s), _UNKNOWN) for s in each]
@@ -180,9 +180,9 @@ class _Driven:
         return values
 
     def headed(self, heading_rad: Floats) -> Ints:
-        """+1, -1 or 0 per epoch: whether the vehicle heads along its segment, against it, or nobody knows."""
+        """+1, -1 or 0 per epoch: whether the vehicle heads along its segment, against it, or unknown."""
         cosine = np.nan_to_num(np.cos(heading_rad - self.of_each("bearing_rad")))
-        return np.where(np.abs(cosine) > ASKEW, np.sign(cosine), 0).astype(np.int64)
+        return np.where(np.abs(cosine) > LEAST_COSINE, np.sign(cosine), 0).astype(np.int64)
 
     def dem_height_m(self, along_m: Floats) -> Floats:
         """The elevation model's height at each epoch, at a distance from its segment's from_node."""
@@ -195,7 +195,7 @@ class _Driven:
         first = np.cumsum(self.knots)[row] - self.knots[row] + before
         rest = at - before
         start, end = self.knots_m[first], self.knots_m[first + 1]
-        # Of a place at a knot no other one speaks: next to what the model does not know it does know this.
+        # At a knot its own height counts alone, also where the model does not know the next one.
         between = start + rest * (end - start)
         heights[usable] = np.where(rest <= 0, start, np.where(rest >= 1, end, between))
         return heights

@@ -43,7 +43,7 @@ TITLE_Y, NOTES_Y, NOTE_STEP = 0.965, 0.066, 0.021
 BARS = "Bars: slope of the whole segment, from this drive alone. Line: grade at each place."
 DIFFER = "They differ where the grade changes inside a segment, and where only a part of it was driven"
 DOTS_PER_OPACITY, EPOCHS_DRAWN_FULL, STEPS_DRAWN_FULL = 250, 2500, 150
-"""So many dots, epochs or segments are drawn at full strength; more of them paler or thinner."""
+"""Dots, epochs or segments that are drawn at full strength; more of them are paler or thinner."""
 MOST_SLOPE_PERCENT = 50.0
 """Estimates beyond this do not widen the axis of slopes."""
 LEAST_OUTAGE_S = 3.0

@@ -1,4 +1,4 @@
-"""What a drive yielded in a few words, for whoever has just given its log: the same for files and for a service.
+"""The result of a drive in one line, after its log was given: the same for files and for a service.
 
 Loads nothing, since clients say it, too.
 """

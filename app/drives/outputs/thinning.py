@@ -1,11 +1,11 @@
-"""Fewer points of long columns, for screens: what catches the eye stays.
+"""Fewer points of long columns, for screens: peaks and bends stay.
 
-Two things are looked at, a chart over the distance and a line on a map, and the points that are asked for are shared
-between them. For the chart the columns are cut into stretches of equal length, of each of which the highest and the
-lowest value of every column stay (min/max decimation, as oscilloscopes draw): what is drawn into as many columns of
-pixels is the same as of all points. Largest-triangle-three-buckets draws smoother lines from as few points, but drops a
-peak beside a higher one's triangle, and peaks of grade are what a profile is read for. For the map, of each of shorter
-stretches the place stays that lies farthest off the straight line between the stretch's ends: bends stay bends.
+The points are shared between a chart over the distance and a line on a map. For the chart the columns are cut into
+stretches of equal length, and the highest and the lowest value of every column stay of each (min/max decimation, as
+oscilloscopes draw): on as many columns of pixels the picture is the same as of all points. Largest-triangle-three-
+buckets draws smoother lines from as few points, but drops a peak beside a higher one's triangle, and peaks of grade are
+what a profile is read for. For the map, of each of shorter stretches the place stays that lies farthest off the
+straight line between the stretch's ends: bends stay bends.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a drive was made of, over HTTP: its log as it was uploaded, and what its sensors said along it."""
+"""The sources of a drive over HTTP: its log as it was uploaded, and its sensors' measurements along it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from app.core.admission import PARTS
 from app.core.errors import STATUS_KINDS, NotFoundError
-from app.core.http import JSON, Service, ServiceDep, etag_matches, found, problems
+from app.core.http import JSON, Service, ServiceDep, found, not_modified, problems
 from app.core.problems import problem_response
 from app.core.text import columns_text, dumps
 from app.drives import store as drives
@@ -81,8 +81,8 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
     etag, size = f'"{drive.sha256}"', drive.size_bytes
     shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
-    if etag_matches(request, etag):
-        return Response(status_code=304, headers=shared)
+    if unchanged := not_modified(request, shared):
+        return unchanged
     try:
         part = part_of(request.headers.get("range"), request.headers.get("if-range"), etag, size)
     except NoSuchRangeError:

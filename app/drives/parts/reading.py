@@ -94,7 +94,7 @@ def drive_profile(session: Session, drive_id: uuid.UUID, stored: StoredTrack) ->
 def form_of(f: str | None, accept: str | None, forms: Mapping[str, str]) -> str:
     """Which of ``forms``, name -> media type, is wanted: ``f`` if it is said, else what the Accept header prefers.
 
-    Who accepts JSON takes GeoJSON. Raises ``NotAcceptableError``.
+    A client that accepts JSON gets GeoJSON. Raises ``NotAcceptableError``.
     """
     if f is not None:
         return f
@@ -112,7 +112,7 @@ def form_of(f: str | None, accept: str | None, forms: Mapping[str, str]) -> str:
 def attachment(name: str) -> str:
     """The Content-Disposition of a file to be kept under that name, whatever characters it has (RFC 6266).
 
-    Who does not know ``filename*`` (RFC 8187) gets the name without what is no plain ASCII.
+    Clients that do not know ``filename*`` (RFC 8187) get the name without characters beyond plain ASCII.
     """
     name = re.sub(r"[\x00-\x1f\x7f]", "_", name.replace("\\", "/").rsplit("/", 1)[-1]).strip(" .")
     name = name[-LONGEST_NAME:] or "file"

@@ -1,4 +1,4 @@
-"""What a drive yielded, over HTTP: its track, its elevation profile, its estimates. Knows no SQL and draws nothing."""
+"""The results of a drive over HTTP: track, elevation profile and estimates. Knows no SQL and draws nothing."""
 
 from __future__ import annotations
 
@@ -265,7 +265,7 @@ def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:
 
 
 def _picture(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
-    # Whoever waited for the same picture finds it.
+    # Another request may have drawn it while this one waited.
     if drawn := _kept_picture(service, drive_id):
         return drawn
     with service.reading() as session:

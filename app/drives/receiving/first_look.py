@@ -1,7 +1,7 @@
-"""The first look at an upload: whether its files can be a drive's log, told from their first bytes while they come.
+"""The first look at an upload: its first bytes tell, while they arrive, whether its files can be a drive's log.
 
-Knows no request and no store. Of each file as much is held, unpacked, as the library looks at to recognise a log, and
-no more of several files than of one. Formats are loaded when the first file has come.
+Knows no request and no store. It holds as much of one file, unpacked, as the library needs to recognise a log. Formats
+are loaded when the first file has arrived.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fusion.formats.container import GZIP_MAGIC, up_to_damage
 HEAD_BYTES = 4 << 20
 """As the library's own (a test holds them equal)."""
 _EARLY_BYTES = 64 << 10
-"""Most logs are known by so many; what is known is not held any longer."""
+"""Enough to recognise most logs; a recognised file is not held any longer."""
 _LAYERS = 2
 _GZIP_WBITS = 31
 
@@ -23,8 +23,7 @@ _GZIP_WBITS = 31
 class FirstLook:
     """Take the pieces of each file of an upload, then ``check`` all of them.
 
-    ``begin`` and ``feed`` each file; an upload of several files needs one log among them, since a drive's other files
-    are left out.
+    ``begin`` and ``feed`` each file. One of several files must be a log; files that are none are left out.
     """
 
     def __init__(self, columns: Mapping[str, str] | None = None) -> None:
@@ -62,7 +61,7 @@ class FirstLook:
             raise self._fault
 
     def again(self) -> None:
-        """Forget the file that came: it holds others, which are looked at instead."""
+        """Forget the file: it is a zip, whose files are looked at instead."""
         self._head, self._files, self._any_known, self._fault = None, 0, False, None
 
     def _end(self) -> None:
@@ -79,7 +78,7 @@ class FirstLook:
         from fusion.formats import refuse_head  # noqa: PLC0415 - with its readers only where something is uploaded
 
         try:
-            # Whether others follow is not known yet, but what is the first of several may lack what they have.
+            # Whether others follow is not known yet, but the first of several may lack what the others have.
             refuse_head(head, part=self._files > 1, columns=self._columns)
         except LogError as error:
             return error

@@ -1,4 +1,4 @@
-"""Several files as one zip: written while they come, and read whoever wrote it.
+"""Several files as one zip: ours is written while the files come; any other is read as well.
 
 Files that belong together, as observations and navigation data, are kept as one blob. So all that follows knows one
 key, one size and one identity, which is of the files' contents, in whatever order, form or zip they came. Knows no
@@ -24,10 +24,10 @@ from fusion.formats.container import BOMB_FREE_BYTES, BOMB_RATIO, CHUNK_BYTES
 MAX_FILES = 32
 """More than any recorder writes for one drive."""
 DIRECTORY_BYTES = 1 << 20
-"""A zip's table of contents may be so long; ``zipfile`` reads it at once and makes objects of all of it."""
+"""Largest table of contents of a zip: ``zipfile`` reads it at once and makes objects of all of it."""
 
 MAGIC_BYTES = 4
-"""So many tell a zip."""
+"""Bytes by which a zip is recognised."""
 _MAGIC = (b"PK\x03\x04", b"PK\x05\x06")
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
@@ -151,7 +151,7 @@ class _Sink:
         """Nothing is held back."""
 
     def close(self) -> None:
-        """Whoever gave ``write`` closes what is behind it."""
+        """The owner of ``write`` closes the file behind it."""
 
 
 def _own_name(name: str, used: Iterable[str]) -> str:
@@ -210,7 +210,7 @@ def _is_file(info: zipfile.ZipInfo) -> bool:
 
 
 def _check(members: list[zipfile.ZipInfo], packed: int, max_bytes: int) -> None:
-    """Refuse what the table of contents tells; what it says of sizes binds whoever unpacks."""
+    """Refuse files by the table of contents; the sizes stated there bind the reader."""
     if not members:
         raise BadRequestError("The zip holds no file, or only empty ones. Add the log to it.", field=_FIELD)
     if len(members) > MAX_FILES:

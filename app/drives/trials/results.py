@@ -38,10 +38,10 @@ def beside_the_map(slopes: Sequence[SegmentSlope], segments: Sequence[Segment]) 
 
     A segment that an import dropped since is left out.
     """
-    known = {segment.stored_id: segment for segment in segments}
+    by_id = {segment.stored_id: segment for segment in segments}
     return [
         DriveSegmentRow(
-            segment=known[slope.segment],
+            segment=by_id[slope.segment],
             slope_percent=slope.slope_percent,
             slope_sigma_percent=slope.slope_sigma_percent,
             observations=slope.observations,
@@ -52,5 +52,5 @@ def beside_the_map(slopes: Sequence[SegmentSlope], segments: Sequence[Segment]) 
             accepted=None,
         )
         for slope in slopes
-        if slope.segment in known
+        if slope.segment in by_id
     ]

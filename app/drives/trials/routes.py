@@ -120,12 +120,14 @@ def add_trial(
     chosen, positioning = asked_options(options, option), asked_positioning(gnss, gnss_option)
     with service.reading() as session:
         drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
-    wanted = method or drive.method
-    kept = drive.options if method is None and chosen is None else chosen or {}
-    kept = with_positioning(with_columns_kept(kept, drive.options), positioning)
-    check_options(wanted, kept)
+    chosen_method = method or drive.method
+    chosen_options = drive.options if method is None and chosen is None else chosen or {}
+    chosen_options = with_positioning(with_columns_kept(chosen_options, drive.options), positioning)
+    check_options(chosen_method, chosen_options)
     with service.sessions.begin() as session:
-        trial, queued = store.ask(session, drive_id, wanted, kept, _sha256(wanted, kept))
+        trial, queued = store.ask(
+            session, drive_id, chosen_method, chosen_options, _sha256(chosen_method, chosen_options)
+        )
     response.status_code = 202 if queued else 200
     response.headers["Location"] = trial_address(base, trial)
     return accepted(base, trial)
@@ -144,7 +146,7 @@ def list_trials(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Tria
 def get_trial(drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Trial:
     """Status, progress, reason of a failure, and the report once it is done."""
     with service.reading() as session:
-        return linked(base, _found(session, drive_id, trial_id))
+        return linked(base, _get_trial(session, drive_id, trial_id))
 
 
 @router.delete(
@@ -231,7 +233,7 @@ def trial_segments(
 ) -> StreamingResponse:
     """As `/v1/drives/{drive_id}/segments`: slope and sigma of each segment from the trial alone. 409 until it is done.
 
-    `in_network` is false and `accepted` null, for nothing of a trial is heard. A segment that was dropped from the map
+    `in_network` is false and `accepted` null, for no trial is part of the network. A segment that was dropped from the map
     since is left out.
     """
     form = form_of(f, request.headers.get("accept"), ESTIMATES)
@@ -284,7 +286,7 @@ def _ids(trial: Trial) -> dict[str, str]:
     return {"drive_id": str(trial.drive_id), "trial_id": str(trial.id)}
 
 
-def _found(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial:
+def _get_trial(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial:
     trial: Trial = found(
         trials.get(session, trial_id, drive_id=drive_id), f"trial of drive {drive_id} called", trial_id
     )
@@ -293,7 +295,7 @@ def _found(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial:
 
 def _done(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> tuple[Trial, store.Result]:
     """The trial and what it yielded; ``NotDoneError`` and ``NotFoundError`` say why there is nothing."""
-    trial = _found(session, drive_id, trial_id)
+    trial = _get_trial(session, drive_id, trial_id)
     if (result := store.result_of(session, trial)) is not None:
         return trial, result
     if trial.failure is not None:
@@ -310,7 +312,9 @@ def _sha256(method: str, options: Mapping[str, Any]) -> str:
         from fusion.pipeline import parse_options  # noqa: PLC0415 - loads the methods, see check_options
 
         plain = parse_options(method, {}).model_dump(mode="json")
-        whole = parse_options(method, changed).model_dump(mode="json")
-        changed = {name: value for name, value in whole.items() if name not in plain or value != plain[name]}
+        complete = parse_options(method, changed).model_dump(mode="json")
+        changed = {
+            name: value for name, value in complete.items() if name not in plain or value != plain[name]
+        }
     text = dumps([method, {name: changed[name] for name in sorted(changed)}])
     return hashlib.sha256(text.encode()).hexdigest()

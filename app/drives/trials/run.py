@@ -1,4 +1,4 @@
-"""A trial is a run of a drive that does not publish: the same steps (``app.drives.process``), and a result beside it.
+"""A trial is a run of a drive that does not publish: the same steps (``app.drives.computing``), and a result beside it.
 
 No pass, no mark, no slope is written, so that nothing of it can reach the map. Runs begin and end as
 ``app.jobs.requests.run`` says. Knows no HTTP.
@@ -12,8 +12,8 @@ import time
 from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
 from app.drives import tracks
+from app.drives.computing import Computed, compute
 from app.drives.faults import fault_of
-from app.drives.process import Computed, compute
 from app.drives.progress import RunProgress
 from app.drives.trials import store
 from app.drives.trials.documents import Trial

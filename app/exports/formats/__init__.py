@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from app.core.text import whole_file
-from app.exports.format import Format, TableFormat, statements
+from app.exports.format import SEGMENTS, Format, TableFormat, statements
 from app.exports.formats.csv_table import Csv, WayCsv
 from app.exports.formats.flatgeobuf import FlatGeobuf
 from app.exports.formats.geojson import GeoJson
@@ -23,7 +23,6 @@ from app.exports.formats.osm_ele import OsmEle
 from app.exports.formats.osrm import OsrmSpeeds
 from app.exports.formats.pmtiles import PmTiles
 from app.exports.formats.routee import RouteeGrades
-from app.exports.writing.layers import SEGMENTS
 from app.map.attribution import attribution
 from app.map.segment import HEIGHT_DATUM, Segment
 from fusion.errors import UnknownNameError

@@ -12,8 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from app.exports.format import WAY_FILTERS, Stated, TableFormat
-from app.exports.writing.layers import WAYS
+from app.exports.format import WAY_FILTERS, WAYS, Stated, TableFormat
 from app.map.attribution import OSM_LICENSE_URL
 from app.map.segment import Record
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from app.exports.format import Stated, TableFormat
-from app.exports.writing.layers import SEGMENTS
+from app.exports.format import SEGMENTS, Stated, TableFormat
 from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Record
 

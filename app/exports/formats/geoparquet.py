@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from app.exports.format import WAY_FILTERS, Stated, TableFormat
-from app.exports.writing.layers import WAYS
+from app.exports.format import WAY_FILTERS, WAYS, Stated, TableFormat
 from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Record
 from fusion.types import Floats

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from app.core.text import utc_text
-from app.exports.format import Stated, TableFormat
-from app.exports.writing.layers import SEGMENTS
+from app.exports.format import SEGMENTS, Stated, TableFormat
 from app.exports.writing.qgis_style import STYLE_DESCRIPTION, STYLE_NAME, qml
 from app.map.segment import Record
 

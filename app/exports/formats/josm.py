@@ -6,7 +6,7 @@ each with ``id`` and ``version``; new ones have negative numbers and no version;
 The layer cannot be uploaded: it is a suggestion. Who agrees downloads the present state into another layer and does the
 same there, with the relations that the way is part of, which this file does not have. The piece with the most nodes
 keeps the way's number, as where JOSM splits; all pieces keep its tags, and on steep ones ``incline`` is as proposed. A
-node of its own beside each steep piece tells in its ``note`` what was measured. Where the file had no versions,
+node of its own beside each steep piece has a ``note`` with what was measured. Where the file had no versions,
 ``version`` is 1, since JOSM opens no file without.
 """
 
@@ -58,30 +58,30 @@ class Josm(Format):
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write nodes and ways; the number of steep pieces."""
-        found = list(proposals(source, options))
-        versions = all(way.version for way, _, _ in found)
+        proposed = list(proposals(source, options))
+        versions = all(way.version for way, _, _ in proposed)
         with path.open("w", encoding="utf-8", newline="\n") as file:
-            said = (
+            generator = (
                 f"Versant {code_version()}; a suggestion, nothing to upload; {stated.get('attribution', '')}"
             )
             file.write(
                 f'<?xml version=\'1.0\' encoding=\'UTF-8\'?>\n<osm version="0.6" upload="never" download="never" '
-                f"generator={quoteattr(said)}>\n"
+                f"generator={quoteattr(generator)}>\n"
             )
-            file.writelines(_nodes(found))
+            file.writelines(_nodes(proposed))
             number = -1
             notes: list[str] = []
-            for _, sections, nodes in found:
+            for _, sections, nodes in proposed:
                 for section in sections:
                     notes.append(_note(number, section, nodes, stated))
                     number -= 1
             file.writelines(notes)
-            for way, sections, _ in found:
+            for way, sections, _ in proposed:
                 for text, is_new in layer_ways(way, sections, number):
                     file.write(text)
                     number -= is_new
             file.write("</osm>\n")
-        if found and not versions:
+        if proposed and not versions:
             source.note(
                 "The imported files have no versions of objects, so version is 1 throughout: download the present "
                 "state into another layer before you take anything over."
@@ -98,9 +98,9 @@ def pieces(way: OsmWay, sections: list[Section]) -> list[Piece]:
     return [Piece(a, b, by_ends.get((a, b))) for a, b in pairwise(cuts)]
 
 
-def _nodes(found: list[tuple[OsmWay, list[Section], Mapping[int, OsmNode]]]) -> Iterator[str]:
+def _nodes(proposed: list[tuple[OsmWay, list[Section], Mapping[int, OsmNode]]]) -> Iterator[str]:
     """All nodes of the ways, each once, by number."""
-    places = {node: nodes[node] for way, _, nodes in found for node in way.nodes}
+    places = {node: nodes[node] for way, _, nodes in proposed for node in way.nodes}
     for number, node in sorted(places.items()):
         version = node.version or _UNKNOWN_VERSION
         yield f'  <node id="{number}" version="{version}" lat="{node.lat_deg:.7f}" lon="{node.lon_deg:.7f}"/>\n'
@@ -112,7 +112,7 @@ def _note(number: int, section: Section, nodes: Mapping[int, OsmNode], stated: S
     one, other = (nodes[node] for node in section.way.nodes[middle : middle + 2])
     lat = 0.5 * (one.lat_deg + other.lat_deg) + _BESIDE_DEG
     lon = 0.5 * (one.lon_deg + other.lon_deg)
-    tags = {"note": section.told(), "source": stated.get("attribution", "")}
+    tags = {"note": section.describe(), "source": stated.get("attribution", "")}
     return f'  <node id="{number}" lat="{lat:.7f}" lon="{lon:.7f}">\n{_tags(tags)}  </node>\n'
 
 

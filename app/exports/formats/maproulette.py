@@ -90,7 +90,7 @@ def task(section: Section, nodes: Mapping[int, OsmNode], stated: Stated) -> dict
         "mean_percent": round(section.mean_percent, 1),
         "sigma_percent": round(section.sigma_percent, 2),
         "drives": section.drives,
-        "instruction": section.told(),
+        "instruction": section.describe(),
         "attribution": stated.get("attribution", OSM_ATTRIBUTION),
     }
     feature = {
@@ -98,11 +98,11 @@ def task(section: Section, nodes: Mapping[int, OsmNode], stated: Stated) -> dict
         "geometry": {"type": "LineString", "coordinates": line},
         "properties": properties,
     }
-    found: dict[str, Any] = {"type": "FeatureCollection", "features": [feature]}
+    collection: dict[str, Any] = {"type": "FeatureCollection", "features": [feature]}
     if section.whole:
         change = {"operation": "setTags", "data": {"incline": section.value}}
-        found["cooperativeWork"] = {
+        collection["cooperativeWork"] = {
             "meta": {"version": 2, "type": 1},
             "operations": [{"operationType": "modifyElement", "data": {"id": way, "operations": [change]}}],
         }
-    return found
+    return collection

@@ -67,16 +67,16 @@ class OsmEle(Format):
             files, source.bbox if options.osm is None else None, roads_only=options.osm is None
         )
         heights = heights_of(source, nodes)
-        said = f"Versant {code_version()}; ele: metres above {_datum(source, heights, stated)}"
+        generator = f"Versant {code_version()}; ele: metres above {_datum(source, heights, stated)}"
         if attribution := stated.get("attribution"):
-            said += f"; {attribution}"
+            generator += f"; {attribution}"
         ele = dict(zip(nodes.node.tolist(), np.round(heights.height_m, DIGITS).tolist(), strict=True))
-        with damage_told(files), writing(path, form, said) as writer:
+        with damage_told(files), writing(path, form, generator) as writer:
             if options.osm is None:
                 had = _write_roads(writer, files, nodes, ele)
             else:
                 had = _write_whole(writer, options.osm, nodes, ele)
-        for text in _told(nodes, heights, had):
+        for text in _notes(nodes, heights, had):
             source.note(text)
         return len(ele)
 
@@ -108,20 +108,20 @@ def heights_of(source: Source, nodes: RoadNodes) -> NodeHeights:
 
 
 def _measured(source: Source, nodes: RoadNodes) -> _Measured:
-    found = _Measured(np.zeros(len(nodes.node)), np.zeros(len(nodes.node)), [])
+    measured = _Measured(np.zeros(len(nodes.node)), np.zeros(len(nodes.node)), [])
     part: list[Segment] = []
     for segment in source.segments(gaps=True):
         if segment.slope_percent is None:
             continue
         part.append(segment)
         if len(part) == 10_000:
-            _add(found, nodes, part)
+            _add(measured, nodes, part)
             part = []
-    _add(found, nodes, part)
-    return found
+    _add(measured, nodes, part)
+    return measured
 
 
-def _add(found: _Measured, nodes: RoadNodes, part: list[Segment]) -> None:
+def _add(measured: _Measured, nodes: RoadNodes, part: list[Segment]) -> None:
     """Add what some segments say; of ends that are not where the file has the node, nothing."""
     ends = np.array([(s.from_node, s.to_node) for s in part], np.int64).reshape(-1, 2)
     place = np.array([(*s.coordinates[0], *s.coordinates[-1]) for s in part]).reshape(-1, 2, 2)
@@ -133,12 +133,12 @@ def _add(found: _Measured, nodes: RoadNodes, part: list[Segment]) -> None:
         weight = max(segment.height_sigma_m or 1.0, 1e-3) ** -2
         if segment.height_from_m is None or segment.height_to_m is None:
             if a >= 0 and b >= 0 and segment.slope_percent is not None:
-                found.rises.append((a, b, segment.slope_percent / 100 * segment.length_m))
+                measured.rises.append((a, b, segment.slope_percent / 100 * segment.length_m))
             continue
         for row, height in ((a, segment.height_from_m), (b, segment.height_to_m)):
             if row >= 0:
-                found.weight[row] += weight
-                found.sum_m[row] += weight * height
+                measured.weight[row] += weight
+                measured.sum_m[row] += weight * height
 
 
 def _rises(nodes: RoadNodes, rises: list[tuple[int, int, float]]) -> Floats | None:
@@ -190,23 +190,23 @@ def _write_whole(writer: Any, path: Path, nodes: RoadNodes, ele: dict[int, float
     return had
 
 
-def _told(nodes: RoadNodes, heights: NodeHeights, had: int) -> list[str]:
+def _notes(nodes: RoadNodes, heights: NodeHeights, had: int) -> list[str]:
     n, measured = len(nodes.node), int(heights.measured.sum())
     spanned, guessed = int(heights.spanned.sum()), int(heights.guessed.sum())
-    told = [
+    sentences = [
         f"{n} nodes of roads have a height: {measured} measured, {n - measured - spanned - guessed} by the elevation "
         f"model, {spanned} spanned over bridges, tunnels and their approaches, and voids of the model."
     ]
     if measured:
-        told.append(
+        sentences.append(
             f"Measured heights are {heights.offset_m:+.1f} m from the elevation model, in the middle; it was shifted "
             "by that, and led over into them along the roads."
         )
     if guessed:
-        told.append(
+        sentences.append(
             f"Of {guessed} nodes nothing is known: no raster covers them, nor a road that leads to one. They have the "
             "height of the nearest place that is known. Import an elevation raster that covers them."
         )
     if had:
-        told.append(f"{had} nodes had another ele before, which was replaced.")
-    return told
+        sentences.append(f"{had} nodes had another ele before, which was replaced.")
+    return sentences

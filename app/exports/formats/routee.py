@@ -162,14 +162,14 @@ def _write_files(source: Source, folder: Path, unit: GradeUnit) -> tuple[int, in
 
 
 def _readme(stated: Stated, unit: GradeUnit, unknown: int) -> str:
-    said = "".join(f"{name}: {text}\n" for name, text in sorted(stated.items()))
+    statements = "".join(f"{name}: {text}\n" for name, text in sorted(stated.items()))
     return (
         "A road network with grades for RouteE Compass, written by Versant.\n"
         f'Set graph.edge_list_input_file = "edges-compass.csv.gz", graph.vertex_list_input_file = '
         f'"vertices-compass.csv.gz", traversal.grade_table_input_file = "{GRADES}" and '
         f'traversal.grade_table_grade_unit = "{unit}". Distances are metres. vertex_uuid is the node and edge_uuid the '
         "way in OpenStreetMap. Grades are positive uphill from src to dst: measured ones, else the elevation model's, "
-        f"drawn towards the level on short edges. Edges of which nothing is known, as level: {unknown}.\n{said}"
+        f"drawn towards the level on short edges. Edges of which nothing is known, as level: {unknown}.\n{statements}"
     )
 
 
@@ -210,9 +210,9 @@ def _columns(path: Path, names: tuple[str, ...]) -> tuple[Any, ...]:
                 raise BadOptionsError(
                     f"{path.name} has no column {' and none '.join(missing)}.", where=path.name
                 )
-            found: list[list[float | int]] = [[] for _ in names]
+            values: list[list[float | int]] = [[] for _ in names]
             for row in rows:
-                for column, name in zip(found, names, strict=True):
+                for column, name in zip(values, names, strict=True):
                     column.append(float(row[name]) if name == "distance" else int(row[name]))
     except (OSError, EOFError, UnicodeDecodeError) as error:
         raise BadOptionsError(f"{path} cannot be read: {error}.", where=path.name) from error
@@ -220,6 +220,6 @@ def _columns(path: Path, names: tuple[str, ...]) -> tuple[Any, ...]:
         raise BadOptionsError(f"{path.name}, line {rows.line_num}: {error}.", where=path.name) from error
     columns: list[Ints | Floats] = [
         np.array(column, float if name == "distance" else np.int64)
-        for name, column in zip(names, found, strict=True)
+        for name, column in zip(names, values, strict=True)
     ]
     return tuple(columns)

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyogrio
 import shapely
 
-from app.exports.writing.layers import SEGMENTS, Layer
+from app.exports.format import SEGMENTS, Layer
 from app.map.segment import Record
 from fusion.types import Floats
 

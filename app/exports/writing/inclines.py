@@ -2,8 +2,8 @@
 
 In OpenStreetMap ``incline`` is the practical maximum of a steep section, in percent, positive uphill in the direction
 in which the way is drawn, and the way is split where the section begins and ends. So a section here is a run of
-consecutive segments of one way that were measured steep in one direction; its value is its steepest 20 m. What is told
-of it is for a person who looks at it: nothing here is an edit. Knows no form of file.
+consecutive segments of one way that were measured steep in one direction; its value is its steepest 20 m. Its
+description is for a person who looks at it: nothing here is an edit. Knows no form of file.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ STEEPEST_M = 20.0
 DIP_M = 20.0
 """So short a stretch in between that is less steep does not end a section."""
 LEAST_SHARE = 0.8
-"""Of a segment's length over which drives must be heard."""
+"""Of a segment's length over which drives must be accepted."""
 
 _NUMBER = re.compile(r"([-+]?\d+(?:[.,]\d+)?)\s*(%|°)?")
 _Key = tuple[int, int, int]
 
 
 class Only(StrEnum):
-    """Which sections are told."""
+    """Which sections are proposed."""
 
     BOTH = "both"
     UNTAGGED = "untagged"
@@ -98,7 +98,7 @@ class Section:
         """The value of today."""
         return self.way.tags.get("incline")
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """What was measured and what it would mean, for the person who decides."""
         towards = "uphill" if self.percent > 0 else "downhill"
         where = (
@@ -107,7 +107,7 @@ class Section:
             else f"the part from node {self.from_node} to node {self.to_node}, where the way would be split"
         )
         today = "no incline" if self.tagged is None else f"incline={self.tagged}"
-        told = (
+        text = (
             f"Way {self.way.id}: {self.length_m:.0f} m were measured at {self.mean_percent:+.1f} % "
             f"(sigma {self.sigma_percent:.1f} %) by {self.drives} or more drives, the steepest {STEEPEST_M:.0f} m at "
             f"{self.percent} % (sigma {self.percent_sigma:.1f} %), {towards} in the direction of the way. "
@@ -119,14 +119,14 @@ class Section:
                 for n, is_open in zip((self.from_node, self.to_node), self.open_ends, strict=True)
                 if is_open
             ]
-            told += f" Beyond node {' and node '.join(ends)} nothing was measured: it may go on being steep."
-        return told + " Look at it before you change anything."
+            text += f" Beyond node {' and node '.join(ends)} nothing was measured: it may go on being steep."
+        return text + " Look at it before you change anything."
 
 
 def proposals(
     source: Source, options: InclineOptions
 ) -> Iterator[tuple[OsmWay, list[Section], Mapping[int, OsmNode]]]:
-    """Ways with the sections that are to be told, in the order of their numbers; and all their nodes' places."""
+    """Ways with the sections that are worth telling, in the order of their numbers; and all their nodes' places."""
     steep = {
         segment.osm_way_id
         for segment in source.segments(driven=True)
@@ -139,9 +139,9 @@ def proposals(
     }
     ways, nodes = read_ways(source.road_files, steep)
     for way in ways:
-        found = told(list(sections(way, measured, options)), options)
-        if found and all(node in nodes for node in way.nodes):
-            yield way, found, nodes
+        chosen = worth_telling(list(sections(way, measured, options)), options)
+        if chosen and all(node in nodes for node in way.nodes):
+            yield way, chosen, nodes
 
 
 def sections(way: OsmWay, measured: Mapping[_Key, Segment], options: InclineOptions) -> Iterator[Section]:
@@ -222,13 +222,13 @@ def steepest_percent(part: Sequence[Segment], sign: int) -> tuple[float, float]:
         (np.interp(ends + window, along, column) - np.interp(ends, along, column)) / window
         for column in (height, doubt)
     )
-    found = list(zip(grade.tolist(), sigma.tolist(), strict=True))
-    found += [
+    candidates = list(zip(grade.tolist(), sigma.tolist(), strict=True))
+    candidates += [
         (s.steepest_percent, s.slope_sigma_percent or 0.0)
         for s in part
         if s.steepest_percent is not None and s.length_m >= STEEPEST_M
     ]
-    return max(found, key=lambda one: sign * one[0] - one[1])
+    return max(candidates, key=lambda one: sign * one[0] - one[1])
 
 
 def tagged_percent(tag: str) -> float | None:
@@ -248,7 +248,7 @@ def conflicts(tag: str, percent: float, tolerance_percent: float) -> bool:
     return {"up": 1, "down": -1}.get(tag.strip().lower(), 0) != (1 if percent > 0 else -1)
 
 
-def told(found: Sequence[Section], options: InclineOptions) -> list[Section]:
+def worth_telling(sections: Sequence[Section], options: InclineOptions) -> list[Section]:
     """Of a way's sections those that are worth a person's time.
 
     A number that one of them agrees with is left in peace: it is meant for the steepest of the way. A tag that says
@@ -257,10 +257,10 @@ def told(found: Sequence[Section], options: InclineOptions) -> list[Section]:
     limit = options.conflict_percent
     if any(
         tagged_percent(s.tagged or "") is not None and not conflicts(s.tagged or "", s.percent, limit)
-        for s in found
+        for s in sections
     ):
         return []
-    in_conflict = [s for s in found if s.tagged is not None and conflicts(s.tagged, s.percent, limit)]
+    in_conflict = [s for s in sections if s.tagged is not None and conflicts(s.tagged, s.percent, limit)]
     if options.only is Only.BOTH:
-        return list(found)
-    return [s for s in found if (s in in_conflict) == (options.only is Only.CONFLICT)]
+        return list(sections)
+    return [s for s in sections if (s in in_conflict) == (options.only is Only.CONFLICT)]

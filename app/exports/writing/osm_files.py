@@ -1,4 +1,4 @@
-"""OpenStreetMap files as handovers read them: the roads of all regions as one, or a file of a person's own.
+"""Reading OpenStreetMap files for exports: the roads of all regions as one, or a file of a person's own.
 
 A graph of the nodes of roads is read in passes, as columns; objects are gone through once more when a file is written.
 Knows no heights and no consumer.
@@ -104,9 +104,9 @@ def read_nodes(files: Sequence[Path], bbox: Bounds | None = None, *, roads_only:
     way = np.repeat(np.arange(len(length)), length)
     row = np.searchsorted(node, ref)
     if bbox is not None:
-        wanted = np.zeros(len(length), bool)
-        wanted[way[within(bbox, lon, lat)[row]]] = True
-        keep = wanted[way]
+        connected = np.zeros(len(length), bool)
+        connected[way[within(bbox, lon, lat)[row]]] = True
+        keep = connected[way]
         way, row = way[keep], row[keep]
     used = np.unique(row)
     used = used[np.isfinite(lon[used])]
@@ -129,10 +129,10 @@ def only(objects: Any, node: Ints) -> Any:
     """
     if len(node) and node.min() < 0:
         return objects
-    wanted = osmium.IdTracker()
+    numbers = osmium.IdTracker()
     for one in node.tolist():
-        wanted.add_node(one)
-    return objects.with_filter(wanted.id_filter())
+        numbers.add_node(one)
+    return objects.with_filter(numbers.id_filter())
 
 
 def within(bbox: Bounds, lon_deg: Floats, lat_deg: Floats) -> Bools:
@@ -169,20 +169,20 @@ def read_ways(files: Sequence[Path], ids: set[int]) -> tuple[list[OsmWay], dict[
             for w in merged(files, osmium.osm.WAY)
             if w.id in ids
         ]
-        wanted = {node for way in ways for node in way.nodes}
+        node_ids = {node for way in ways for node in way.nodes}
         nodes = {
             n.id: OsmNode(n.location.lon, n.location.lat, n.version)
             for n in merged(files, osmium.osm.NODE)
-            if n.id in wanted and n.location.valid()
+            if n.id in node_ids and n.location.valid()
         }
     return ways, nodes
 
 
 @contextmanager
-def writing(path: Path, file_format_name: str, said: str) -> Iterator[Any]:
+def writing(path: Path, file_format_name: str, generator: str) -> Iterator[Any]:
     """A writer of an OSM file, whose header says this as its generator: the one place that both formats have."""
     header = osmium.io.Header()
-    header.set("generator", said)
+    header.set("generator", generator)
     place = osmium.io.File(str(path), file_format_name)
     with osmium.SimpleWriter(place, header=header, overwrite=True) as writer:
         yield writer

@@ -104,13 +104,20 @@ def write_pmtiles(
         file.seek(ROOT_ENDS_AT)  # the directory is known at the end, and has to be at the beginning
         for tile, data in tiles:
             file.write(contents.add(tile_number(*tile), data))
-        said = packed_gzip(dumps(dict(metadata)).encode())
+        packed_metadata = packed_gzip(dumps(dict(metadata)).encode())
         root, leaves = _directories(contents.entries)
-        file.write(said)
+        file.write(packed_metadata)
         file.write(leaves)
         file.seek(0)
         after = ROOT_ENDS_AT + contents.size
-        sections = (HEADER.size, len(root), after, len(said), after + len(said), len(leaves))
+        sections = (
+            HEADER.size,
+            len(root),
+            after,
+            len(packed_metadata),
+            after + len(packed_metadata),
+            len(leaves),
+        )
         tile_data = (ROOT_ENDS_AT, contents.size)
         counts = (contents.addressed, len(contents.entries), len(contents.places))
         kinds = (_CLUSTERED, _GZIP, _GZIP, _MVT)

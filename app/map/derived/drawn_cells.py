@@ -1,4 +1,4 @@
-"""The pieces of whole squares: a block with the squares inside it from segments, one of a higher level from pieces."""
+"""The pieces of whole tiles: a block with the cells inside it from segments, one of a higher level from pieces."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ from fusion.types import Bools, Ints
 
 @dataclass
 class Redrawn:
-    """Of each level the pieces of some squares, as they are and as they ought to be."""
+    """Of each level the pieces of some tiles, as they are and as they ought to be."""
 
     before: dict[int, Drawn] = field(default_factory=dict)
     after: dict[int, Drawn] = field(default_factory=dict)
 
-    def add(self, session: Session, level: int, square: int, pieces: Collection[Piece]) -> None:
-        """What a square ought to have."""
-        self.before.setdefault(level, {}).update(store.drawn(session, level, [square]))
-        self.after.setdefault(level, {})[square] = {piece.segment_id: piece for piece in pieces}
+    def add(self, session: Session, level: int, tile: int, pieces: Collection[Piece]) -> None:
+        """What a tile ought to have."""
+        self.before.setdefault(level, {}).update(store.drawn(session, level, [tile]))
+        self.after.setdefault(level, {})[tile] = {piece.segment_id: piece for piece in pieces}
 
     def changed(self, level: int) -> set[int]:
-        """The squares of which that differs."""
+        """The tiles of which that differs."""
         before, after = self.before.get(level, {}), self.after.get(level, {})
-        return {square for square in after if after[square] != before[square]}
+        return {tile for tile in after if after[tile] != before[tile]}
 
 
-def draw_block(session: Session, block: int, squares: Collection[int]) -> Redrawn:
-    """A square of the level ``BLOCK``, and those of ``FINEST`` inside it that are named."""
+def draw_block(session: Session, block: int, tiles: Collection[int]) -> Redrawn:
+    """A tile of the level ``BLOCK``, and those of ``FINEST`` inside it that are named."""
     cells = children(BLOCK, block)
-    stretches, ends = store.segments_in(session, cells, squares)
+    stretches, ends = store.segments_in(session, cells, tiles)
     redrawn = Redrawn()
-    for square in squares:
-        rows = np.flatnonzero(ends.cell == square)
+    for tile in tiles:
+        rows = np.flatnonzero(ends.cell == tile)
         one = stretches.subset(rows)
-        redrawn.add(session, FINEST, square, all_roads(one, Ends(*(column[rows] for column in ends))))
+        redrawn.add(session, FINEST, tile, all_roads(one, Ends(*(column[rows] for column in ends))))
     level = LEVELS[BLOCK]
-    # Of squares that are drawn as a whole, all is there; of the others what the level shows.
+    # Of tiles that are drawn as a whole, all is there; of the others what the level shows.
     if not any(level.chosen(highway) for highway in set(stretches.highway.tolist())):
         classes = store.most_important_in(session, cells)
         stretches, _ = store.segments_in(session, cells, (), classes)
@@ -54,17 +54,17 @@ def draw_block(session: Session, block: int, squares: Collection[int]) -> Redraw
     return redrawn
 
 
-def draw_above(session: Session, level: int, square: int) -> Redrawn:
-    """A square of a level that is made of the pieces of the level below."""
-    below = store.drawn(session, BELOW[level], children(level, square))
+def draw_above(session: Session, level: int, tile: int) -> Redrawn:
+    """A tile of a level that is made of the pieces of the level below."""
+    below = store.drawn(session, BELOW[level], children(level, tile))
     stretches = store.stretches_of(piece for pieces in below.values() for piece in pieces.values())
     redrawn = Redrawn()
-    redrawn.add(session, level, square, greater_roads(LEVELS[level], stretches))
+    redrawn.add(session, level, tile, greater_roads(LEVELS[level], stretches))
     return redrawn
 
 
 def all_roads(stretches: Stretches, ends: Ends) -> list[Piece]:
-    """The pieces of the finest level: all roads of a square, each way for itself, in its direction."""
+    """The pieces of the finest level: all roads of a tile, each way for itself, in its direction."""
     key = _numbers(ends.osm_way_id, stretches.oneway, _kinds(stretches))
     n = len(stretches)
     points = np.concatenate(
@@ -83,8 +83,8 @@ def greater_roads(level: Level, stretches: Stretches) -> list[Piece]:
     driven = np.flatnonzero(~chosen & stretches.measured)
     start, end = _ends(stretches)
     far = together_m(start[driven], end[driven], stretches.length_m[driven]) >= level.driven_m
-    kept = np.sort(np.concatenate([np.flatnonzero(chosen), driven[far]]))
-    roads = stretches.subset(kept).one_way_forward()
+    chosen_rows = np.sort(np.concatenate([np.flatnonzero(chosen), driven[far]]))
+    roads = stretches.subset(chosen_rows).one_way_forward()
     start, end = _ends(roads)
     return pieces_of(level, courses(roads.ids, start, end, _kinds(roads), roads.oneway > 0), roads)
 

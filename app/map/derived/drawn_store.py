@@ -11,7 +11,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from app.map.derived.levels import CHOSEN, HALF_WORLD, LEVELS, rank, square_of
+from app.map.derived.levels import CHOSEN, HALF_WORLD, LEVELS, rank, tile_of
 from app.map.derived.pieces import Piece, Stretches
 from app.map.derived.way_store import lines
 from app.network.cells import TILE_MARGIN, ZOOM
@@ -39,7 +39,7 @@ _CLASSES = text(
 _COLUMNS = ", ".join(Piece._fields)
 _PIECES = f"""
     SELECT cell, {_COLUMNS} FROM drawn_pieces
-    WHERE level = %(level)s AND cell = ANY(%(squares)s::bigint[]) ORDER BY segment_id
+    WHERE level = %(level)s AND cell = ANY(%(tiles)s::bigint[]) ORDER BY segment_id
 """  # noqa: S608 - constants
 _DELETE = """
     DELETE FROM drawn_pieces AS p USING unnest(%(square)s::bigint[], %(id)s::bigint[]) AS gone (square, id)
@@ -54,7 +54,7 @@ _INSERT = f"""
         AS row (square, segment_id, rank, highway, oneway, slope, sigma, drives, length, geom)
 """  # noqa: S608 - constants
 
-# Any square that nobody is at: solvers and imports hold some for milliseconds.
+# Any cell that nobody is at: solvers and imports hold some for milliseconds.
 _FREE_CELL = text(
     """
     SELECT id FROM cells WHERE id BETWEEN :first AND :last AND (id & 16383) BETWEEN :top AND :bottom
@@ -70,14 +70,14 @@ _TAKE = text(
 _RAISE = text("UPDATE cells SET drawn_version = drawn_version + 1 WHERE id = ANY(CAST(:ids AS integer[]))")
 
 _BEYOND = 8 * TILE_MARGIN / 2
-"""Of a square's side: how far a tile draws beyond its edge, which is at most eight squares."""
+"""Of the side of a level's tile: how far a vector tile, at most eight of them wide, draws beyond its edge."""
 
 Drawn = dict[int, dict[int, Piece]]
-"""Pieces by square and segment."""
+"""Pieces by tile and segment."""
 
 
 class Ends(NamedTuple):
-    """Beside stretches that are segments: the way of each, its nodes, and its square of zoom 14; shape (n,)."""
+    """Beside stretches that are segments: the way of each, its nodes, and its cell; shape (n,)."""
 
     osm_way_id: Ints
     from_node: Ints
@@ -88,7 +88,7 @@ class Ends(NamedTuple):
 def segments_in(
     session: Session, cells: Collection[int], all_of: Collection[int], classes: Collection[str] = CHOSEN
 ) -> tuple[Stretches, Ends]:
-    """Followed segments in squares of zoom 14: all of ``all_of``, of others driven ones and those of the classes."""
+    """Followed segments in cells: all of ``all_of``, of others driven ones and those of the classes."""
     values = {"cells": np.array(sorted(cells), np.int64), "all_of": np.array(sorted(all_of), np.int64)}
     rows = fetch_binary(session, _SEGMENTS, {**values, "classes": sorted(classes)})
     columns = list(zip(*rows, strict=True)) or [()] * 12
@@ -100,21 +100,21 @@ def segments_in(
 
 
 def most_important_in(session: Session, cells: Collection[int]) -> list[str]:
-    """Of the classes in these squares those of the lowest rank."""
-    found = session.execute(_CLASSES, {"cells": sorted(cells)}).scalars().all()
-    lowest = min(map(rank, found), default=0)
-    return [highway for highway in found if rank(highway) == lowest]
+    """Of the classes in these tiles those of the lowest rank."""
+    classes = session.execute(_CLASSES, {"cells": sorted(cells)}).scalars().all()
+    lowest = min(map(rank, classes), default=0)
+    return [highway for highway in classes if rank(highway) == lowest]
 
 
-def drawn(session: Session, level: int, squares: Collection[int]) -> Drawn:
+def drawn(session: Session, level: int, tiles: Collection[int]) -> Drawn:
     """The pieces that are there."""
-    found: Drawn = {square: {} for square in squares}
-    for square, *row in fetch_binary(
-        session, _PIECES, {"level": level, "squares": np.array(sorted(squares), np.int64)}
+    pieces: Drawn = {tile: {} for tile in tiles}
+    for tile, *row in fetch_binary(
+        session, _PIECES, {"level": level, "tiles": np.array(sorted(tiles), np.int64)}
     ):
         piece = Piece(*row)
-        found[square][piece.segment_id] = piece
-    return found
+        pieces[tile][piece.segment_id] = piece
+    return pieces
 
 
 def stretches_of(pieces: Iterable[Piece]) -> Stretches:
@@ -143,31 +143,31 @@ def _stretches(columns: Any, points: Floats, first: Ints) -> Stretches:
 
 def replace_pieces(session: Session, level: int, before: Drawn, after: Drawn) -> None:
     """Write what differs."""
-    gone = [(square, k) for square in before for k, p in before[square].items() if after[square].get(k) != p]
-    new = [(square, p) for square in after for k, p in after[square].items() if before[square].get(k) != p]
+    gone = [(tile, k) for tile in before for k, p in before[tile].items() if after[tile].get(k) != p]
+    new = [(tile, p) for tile in after for k, p in after[tile].items() if before[tile].get(k) != p]
     if gone:
-        square, ids = (np.array(column, np.int64) for column in zip(*gone, strict=True))
-        send_binary(session, _DELETE, {"level": level, "square": square, "id": ids})
+        tile, ids = (np.array(column, np.int64) for column in zip(*gone, strict=True))
+        send_binary(session, _DELETE, {"level": level, "square": tile, "id": ids})
     if new:
         columns = dict(zip(Piece._fields, map(list, zip(*(p for _, p in new), strict=True)), strict=True))
         for name in ("slope_percent", "slope_sigma_percent"):
             columns[name] = np.ma.masked_invalid(np.array(columns[name], float))  # type: ignore[assignment]
-        send_binary(session, _INSERT, {"level": level, "square": [square for square, _ in new], **columns})
+        send_binary(session, _INSERT, {"level": level, "square": [tile for tile, _ in new], **columns})
 
 
-def changed_squares(level: int, before: Drawn, after: Drawn) -> set[int]:
-    """The squares of the level in which what is drawn differs, those that pieces reach into from others included."""
+def changed_tiles(level: int, before: Drawn, after: Drawn) -> set[int]:
+    """The tiles of the level in which what is drawn differs, those that pieces reach into from others included."""
     differing = [
         pieces[k]
         for these, those in ((before, after), (after, before))
-        for square, pieces in these.items()
+        for tile, pieces in these.items()
         for k in pieces
-        if those[square].get(k) != pieces[k]
+        if those[tile].get(k) != pieces[k]
     ]
-    own = {square for square in after if before[square] != after[square]}
+    own = {tile for tile in after if before[tile] != after[tile]}
     if not differing:
         return own
-    zoom = LEVELS[level].square_zoom
+    zoom = LEVELS[level].tile_zoom
     side = 2 * HALF_WORLD / 2**zoom
     lines = shapely.from_wkb(np.array([p.geom_3857 for p in differing], object))
     along = shapely.get_coordinates(shapely.segmentize(lines, side / 8))
@@ -180,27 +180,27 @@ def changed_squares(level: int, before: Drawn, after: Drawn) -> set[int]:
 
 
 def raise_drawn(session: Session, exact: Collection[int], any_of: Mapping[int, Collection[int]]) -> bool:
-    """Say of these squares of zoom 14, and of one in each of these squares by level, that low zooms draw them anew.
+    """Say of these cells, and of one in each of these tiles by level, that low zooms draw them anew.
 
     The last of a transaction, since solvers want the same rows. False: others have them, and nothing was said.
     """
-    wanted = sorted(exact)
-    session.execute(_MAKE, {"ids": wanted})
-    taken = set(session.execute(_TAKE, {"ids": wanted}).scalars())
-    if len(taken) < len(wanted):
+    cells = sorted(exact)
+    session.execute(_MAKE, {"ids": cells})
+    taken = set(session.execute(_TAKE, {"ids": cells}).scalars())
+    if len(taken) < len(cells):
         return False
-    for level, squares in any_of.items():
-        for square in sorted(squares):
-            if not any(square_of(cell, level) == square for cell in taken):
-                taken.add(_free_cell(session, level, square))
+    for level, tiles in any_of.items():
+        for tile in sorted(tiles):
+            if not any(tile_of(cell, level) == tile for cell in taken):
+                taken.add(_free_cell(session, level, tile))
     session.execute(_RAISE, {"ids": sorted(taken)})
     return True
 
 
-def _free_cell(session: Session, level: int, square: int) -> int:
-    zoom = LEVELS[level].square_zoom
+def _free_cell(session: Session, level: int, tile: int) -> int:
+    zoom = LEVELS[level].tile_zoom
     by = ZOOM - zoom
-    x, y = square >> zoom, square & ((1 << zoom) - 1)
+    x, y = tile >> zoom, tile & ((1 << zoom) - 1)
     left, top, last = x << by, y << by, (1 << by) - 1
     values = {
         "first": left << ZOOM | top,
@@ -208,8 +208,8 @@ def _free_cell(session: Session, level: int, square: int) -> int:
         "top": top,
         "bottom": top + last,
     }
-    found = session.execute(_FREE_CELL, values).scalar()
-    if found is None:
-        found = left << ZOOM | top
-        session.execute(_MAKE, {"ids": [found]})
-    return int(found)
+    cell = session.execute(_FREE_CELL, values).scalar()
+    if cell is None:
+        cell = left << ZOOM | top
+        session.execute(_MAKE, {"ids": [cell]})
+    return int(cell)

@@ -3,7 +3,8 @@
 Segments are changed by whoever changes them, and triggers note which (``SegmentChange``). Nobody who does waits for
 what is derived: a worker follows a moment later, in pieces. Each reads one snapshot, computes outside of any lock, and
 writes in one short transaction what came of it together with how far it is; it may die at any moment. First come the
-changes: the ways they belong to are made anew, and their squares are noted; then squares, the finest first.
+changes: the ways they belong to are made anew, and their cells are noted; then the tiles of each level, the finest
+first.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.map.derived import store
 from app.map.derived.drawn_cells import Redrawn, draw_above, draw_block
-from app.map.derived.drawn_store import changed_squares, raise_drawn, replace_pieces
+from app.map.derived.drawn_store import changed_tiles, raise_drawn, replace_pieces
 from app.map.derived.levels import ABOVE, BLOCK, FINEST, children, parent
 from app.map.derived.store import Moment
 from app.map.derived.way_store import rows_of, segments_of, write_ways
@@ -32,13 +33,13 @@ logger = logging.getLogger(__name__)
 AT_ONCE = 8000
 """Changes that are followed together: half a second's work."""
 LONG_S = 10.0
-"""A square that has waited so long is drawn although changes, or finer squares below it, are still coming."""
+"""A tile that has waited so long is drawn although changes, or finer tiles below it, are still coming."""
 PIECE_S = 0.5
 """After so long a worker lets others go first."""
 
 _TRIES = 10
 _PAUSE_S = 0.03
-"""Solvers hold squares for some tens of milliseconds."""
+"""Solvers hold cells for some tens of milliseconds."""
 _OTHERS_WRITE = frozenset({"55P03", "40P01"})
 
 _Write = Callable[[Session], bool]
@@ -85,7 +86,7 @@ def _piece(sessions: Sessions) -> bool:
             _commit(sessions, moment, write)
             return True
         time.sleep(_PAUSE_S)
-    logger.debug("others were at the squares that were to be drawn again and again; later")
+    logger.debug("others were at the cells that were to be drawn again and again; later")
     return False
 
 
@@ -108,13 +109,13 @@ def _next(session: Session, moment: Moment) -> _Write | None:
     """What the next piece has to write; None: there is nothing to do."""
     if moment.elsewhere:
         return partial(_take_in, moment)
-    # While changes come without end, a square that has waited for long comes after every second piece of them.
+    # While changes come without end, a tile that has waited for long comes after every second piece of them.
     if moment.changes and not (moment.waits_long and moment.turn % 2):
         return _follow_changes(session, moment)
-    wanted = store.next_square(session, LONG_S)
-    if wanted is None:
+    waiting = store.next_tile(session, LONG_S)
+    if waiting is None:
         return None
-    return _draw(session, *wanted)
+    return _draw(session, *waiting)
 
 
 def _take_in(moment: Moment, session: Session) -> bool:
@@ -135,22 +136,22 @@ def _follow_changes(session: Session, moment: Moment) -> _Write:
     return write
 
 
-def _draw(session: Session, level: int, square: int) -> _Write:
+def _draw(session: Session, level: int, tile: int) -> _Write:
     if level == FINEST:
-        block = parent(FINEST, square)
-        squares = store.waiting_among(session, FINEST, children(BLOCK, block))
-        redrawn = draw_block(session, block, squares)
+        block = parent(FINEST, tile)
+        tiles = store.waiting_among(session, FINEST, children(BLOCK, block))
+        redrawn = draw_block(session, block, tiles)
     else:
-        squares, redrawn = [square], draw_above(session, level, square)
+        tiles, redrawn = [tile], draw_above(session, level, tile)
 
     def write(writing: Session) -> bool:
-        store.note_drawn(writing, level, squares)
-        return _write_squares(writing, redrawn)
+        store.note_drawn(writing, level, tiles)
+        return _write_tiles(writing, redrawn)
 
     return write
 
 
-def _write_squares(session: Session, redrawn: Redrawn) -> bool:
+def _write_tiles(session: Session, redrawn: Redrawn) -> bool:
     exact: set[int] = set()
     any_of: dict[int, set[int]] = {}
     for level, after in redrawn.after.items():
@@ -159,11 +160,11 @@ def _write_squares(session: Session, redrawn: Redrawn) -> bool:
         if not changed:
             continue
         replace_pieces(session, level, before, after)
-        met = changed_squares(level, before, after)
+        met = changed_tiles(level, before, after)
         if level == FINEST:
             exact = met
         else:
             any_of[level] = met
         if level in ABOVE:
-            store.ask_to_draw(session, ABOVE[level], {parent(level, square) for square in changed})
+            store.ask_to_draw(session, ABOVE[level], {parent(level, tile) for tile in changed})
     return not (exact or any_of) or raise_drawn(session, exact, any_of)

@@ -56,8 +56,8 @@ class Level:
     """Of roads of lesser classes those are drawn that were driven and hang together for so much."""
 
     @property
-    def square_zoom(self) -> int:
-        """A square of the level is a tile of this zoom."""
+    def tile_zoom(self) -> int:
+        """Of the tiles in which pieces of the level are drawn; those of the finest level are cells."""
         return self.zoom + 2
 
     @property
@@ -82,7 +82,7 @@ LEVELS = {
 assert tuple(LEVELS) == DRAWN_LEVELS  # noqa: S101 - each has its index
 
 FINEST, BLOCK = DRAWN_LEVELS[:2]
-"""The two that are drawn from segments: a square of the second, a block, is drawn together with those of the first
+"""The two that are drawn from segments: a tile of the second, a block, is drawn together with those of the first
 inside it."""
 ABOVE = dict(pairwise(DRAWN_LEVELS[1:]))
 """The level that is drawn from the pieces of another."""
@@ -94,22 +94,22 @@ CHOSEN = tuple(
 """The classes that blocks show whether driven or not."""
 
 
-def square_of(cell: int, level: int) -> int:
-    """The square of a level that a square of zoom 14 lies in."""
-    by = ZOOM - LEVELS[level].square_zoom
+def tile_of(cell: int, level: int) -> int:
+    """The tile of a level that a cell lies in."""
+    by = ZOOM - LEVELS[level].tile_zoom
     x, y = cell >> ZOOM, cell & ((1 << ZOOM) - 1)
-    return (x >> by) << LEVELS[level].square_zoom | y >> by
+    return (x >> by) << LEVELS[level].tile_zoom | y >> by
 
 
-def parent(level: int, square: int) -> int:
-    """The square of the level above ``level`` that one of it lies in, which is a tile two zooms below."""
-    zoom = LEVELS[level].square_zoom
-    x, y = square >> zoom, square & ((1 << zoom) - 1)
+def parent(level: int, tile: int) -> int:
+    """The tile of the level above ``level``, two zooms below, that one of it lies in."""
+    zoom = LEVELS[level].tile_zoom
+    x, y = tile >> zoom, tile & ((1 << zoom) - 1)
     return (x >> 2) << (zoom - 2) | y >> 2
 
 
-def children(level: int, square: int) -> list[int]:
-    """The sixteen squares of the level below (tiles two zooms above) inside one of ``level``."""
-    zoom = LEVELS[level].square_zoom
-    x, y = square >> zoom, square & ((1 << zoom) - 1)
+def children(level: int, tile: int) -> list[int]:
+    """The sixteen tiles of the level below, two zooms above, inside one of ``level``."""
+    zoom = LEVELS[level].tile_zoom
+    x, y = tile >> zoom, tile & ((1 << zoom) - 1)
     return [(4 * x + dx) << (zoom + 2) | (4 * y + dy) for dx in range(4) for dy in range(4)]

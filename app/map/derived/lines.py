@@ -30,7 +30,7 @@ def courses(ids: Ints, start: Ints, end: Ints, kind: Ints, one_way: Bools) -> li
     depends on the ids and not on the order of the rows. Sorted by lowest id.
     """
     onward = _partners(start, end, kind, one_way)
-    found, done = [], [False] * len(ids)
+    lines, done = [], [False] * len(ids)
     order = np.argsort(ids).tolist()
     rank = np.argsort(order).tolist()
     for row in order:
@@ -48,8 +48,8 @@ def courses(ids: Ints, start: Ints, end: Ints, kind: Ints, one_way: Bools) -> li
             line.rows.append(at >> 1)
             line.turned.append(bool(at & 1))
             at = onward[at ^ 1]
-        found.append(_directed(line, rank))
-    return found
+        lines.append(_directed(line, rank))
+    return lines
 
 
 def _partners(start: Ints, end: Ints, kind: Ints, one_way: Bools) -> list[int]:

@@ -20,7 +20,7 @@ SLOPE_DIGITS = 2
 _LENGTH_DIGITS = 1
 
 ROOM_BYTES = 3600.0
-"""What the pieces of one square may take of a compressed tile, at most 64 of which make one: 230 of 250 kB."""
+"""What the pieces of one tile may take of a compressed vector tile, which shows 64 of them at most: 230 of 250 kB."""
 _PIECE_BYTES, _SLOPE_BYTES, _POINT_BYTES = 9.0, 6.5, 2.0
 """What a piece takes, what more if it has a slope, and for each point; as it is in tiles of towns."""
 _DRIVEN_RANKS = 3
@@ -77,7 +77,7 @@ class Stretches:
 
 
 class Piece(NamedTuple):
-    """A row of ``drawn_pieces`` but for its level and square."""
+    """A row of ``drawn_pieces`` but for its level and tile."""
 
     segment_id: int
     rank: int
@@ -120,7 +120,7 @@ def pieces_of(level: Level, courses: Sequence[Course], stretches: Stretches) -> 
     ids = np.minimum.reduceat(stretches.ids[rows], begins)
     head = rows[begins]
     ranks = np.array([rank(highway) for highway in stretches.highway[head].tolist()])
-    kept = _with_room(stretches, head, ranks, measured, length, ids, shapely.get_num_coordinates(line))
+    order = _with_room(stretches, head, ranks, measured, length, ids, shapely.get_num_coordinates(line))
     columns = (
         ids,
         ranks,
@@ -132,8 +132,10 @@ def pieces_of(level: Level, courses: Sequence[Course], stretches: Stretches) -> 
         np.round(length, _LENGTH_DIGITS),
         shapely.to_wkb(shapely.set_srid(line, SRID_TILES), include_srid=True),
     )
-    made = zip(*(column[kept].tolist() for column in columns), measured[kept].tolist(), strict=True)
-    return [Piece(*row) if known else Piece(*row)._replace(**_UNKNOWN) for *row, known in made]
+    rows_of_pieces = zip(
+        *(column[order].tolist() for column in columns), measured[order].tolist(), strict=True
+    )
+    return [Piece(*row) if known else Piece(*row)._replace(**_UNKNOWN) for *row, known in rows_of_pieces]
 
 
 _UNKNOWN: dict[str, Any] = {"slope_percent": None, "slope_sigma_percent": None}
@@ -196,8 +198,8 @@ def _with_room(
     order = np.lexsort((ids, -length_m, ramp, ranks - _DRIVEN_RANKS * measured))
     room = np.cumsum(takes[order]) <= ROOM_BYTES
     room[0] = True
-    kept = order[room]
-    return kept[np.argsort(ids[kept])]
+    staying = order[room]
+    return staying[np.argsort(ids[staying])]
 
 
 def _lines(s: Stretches, rows: Ints, turned: Bools, number: Ints, tolerance_m: float) -> NDArray[np.object_]:
@@ -210,6 +212,6 @@ def _lines(s: Stretches, rows: Ints, turned: Bools, number: Ints, tolerance_m: f
     of = np.repeat(number, count)
     # Where two stretches meet, one point is enough.
     again = np.concatenate([[False], (np.diff(of) == 0) & np.all(np.diff(points, axis=0) == 0, axis=1)])
-    whole = shapely.linestrings(points[~again], indices=of[~again])
-    simple = shapely.simplify(whole, tolerance_m, preserve_topology=False)
-    return np.asarray(np.where(shapely.length(simple) > 0, simple, whole), object)
+    exact = shapely.linestrings(points[~again], indices=of[~again])
+    simple = shapely.simplify(exact, tolerance_m, preserve_topology=False)
+    return np.asarray(np.where(shapely.length(simple) > 0, simple, exact), object)

@@ -79,11 +79,11 @@ _FROM_THE_START = text("UPDATE derived_upto SET xid = 0, segment_id = 0")
 _TO_DRAW = text(
     """
     INSERT INTO cells_to_draw (level, cell, since)
-    SELECT :level, square, clock_timestamp() FROM unnest(CAST(:squares AS integer[])) AS square
+    SELECT :level, cell, clock_timestamp() FROM unnest(CAST(:tiles AS integer[])) AS cell
     ON CONFLICT (level, cell) DO NOTHING
     """
 )
-_IS_DRAWN = text("DELETE FROM cells_to_draw WHERE level = :level AND cell = ANY(CAST(:squares AS integer[]))")
+_IS_DRAWN = text("DELETE FROM cells_to_draw WHERE level = :level AND cell = ANY(CAST(:tiles AS integer[]))")
 
 # The finest first, for others are made of them; but none waits for ever while changes come.
 _NEXT = text(
@@ -97,7 +97,7 @@ _NEXT = text(
 _WAITING_IN = text(
     """
     SELECT cell FROM cells_to_draw
-    WHERE level = :level AND cell = ANY(CAST(:squares AS integer[])) ORDER BY cell
+    WHERE level = :level AND cell = ANY(CAST(:tiles AS integer[])) ORDER BY cell
     """
 )
 
@@ -118,7 +118,7 @@ class Moment(NamedTuple):
     changes: bool
     """Some can be followed."""
     waits_long: bool | None
-    """A square waits that has waited long; None: none waits."""
+    """A tile waits that has waited long; None: none waits."""
 
     @property
     def idle(self) -> bool:
@@ -168,7 +168,7 @@ def take_turn(session: Session, moment: Moment) -> bool:
 
 
 def note_followed(session: Session, changes: Collection[Change]) -> None:
-    """These are followed, in this order: their squares are to be drawn anew, and where they are is known."""
+    """These are followed, in this order: their tiles are to be drawn anew, and where they are is known."""
     there = [c for c in changes if c.way is not None]
     session.execute(
         _FOLLOWED,
@@ -192,23 +192,23 @@ def take_in(session: Session, moment: Moment, limit: int) -> None:
         session.execute(_FROM_THE_START)
 
 
-def ask_to_draw(session: Session, level: int, squares: Collection[int]) -> None:
-    """Let these squares be drawn anew."""
-    if squares:
-        session.execute(_TO_DRAW, {"level": level, "squares": sorted(squares)})
+def ask_to_draw(session: Session, level: int, tiles: Collection[int]) -> None:
+    """Let these tiles be drawn anew."""
+    if tiles:
+        session.execute(_TO_DRAW, {"level": level, "tiles": sorted(tiles)})
 
 
-def next_square(session: Session, long_s: float) -> tuple[int, int] | None:
-    """The level and the square that is to be drawn next."""
+def next_tile(session: Session, long_s: float) -> tuple[int, int] | None:
+    """The level and the tile that is to be drawn next."""
     row = session.execute(_NEXT, {"block": BLOCK, "long_s": long_s}).one_or_none()
     return None if row is None else (row.level, row.cell)
 
 
-def waiting_among(session: Session, level: int, squares: Collection[int]) -> list[int]:
-    """Which of these squares are to be drawn anew, sorted."""
-    return list(session.execute(_WAITING_IN, {"level": level, "squares": sorted(squares)}).scalars())
+def waiting_among(session: Session, level: int, tiles: Collection[int]) -> list[int]:
+    """Which of these tiles are to be drawn anew, sorted."""
+    return list(session.execute(_WAITING_IN, {"level": level, "tiles": sorted(tiles)}).scalars())
 
 
-def note_drawn(session: Session, level: int, squares: Collection[int]) -> None:
+def note_drawn(session: Session, level: int, tiles: Collection[int]) -> None:
     """They are."""
-    session.execute(_IS_DRAWN, {"level": level, "squares": sorted(squares)})
+    session.execute(_IS_DRAWN, {"level": level, "tiles": sorted(tiles)})

@@ -146,15 +146,15 @@ def _steepest(
     where = np.concatenate([_UNIT * (begin + shift), _UNIT * offset[mine] + s.steepest_from_m[mine]])
     until = np.concatenate([_UNIT * (end + shift), _UNIT * offset[mine] + s.steepest_to_m[mine]])
     of = np.tile(chain[mine], 3)
-    whole = (until - where) >= STRETCH_M - 1e-6
+    full = (until - where) >= STRETCH_M - 1e-6
     usable = np.isfinite(grade + where + until)
     any_whole = np.zeros(chains, bool)
-    any_whole[of[whole & usable]] = True
+    any_whole[of[full & usable]] = True
     # A run that is shorter than the stretch counts as a whole, and only where no run is as long as that.
     entire = np.concatenate(
         [(begin <= np.tile(low, 2)) & (end >= np.tile(high, 2)), np.zeros(len(mine), bool)]
     )
-    usable &= np.where(any_whole[of], whole, entire)
+    usable &= np.where(any_whole[of], full, entire)
     return _first_steepest(of[usable], grade[usable], where[usable], until[usable], chains)
 
 
@@ -165,7 +165,7 @@ def _first_steepest(
     np.maximum.at(most, of, np.abs(grade))
     steep = np.flatnonzero(np.abs(grade) >= most[of] - _EQUAL * np.maximum(1.0, most[of]))
     steep = steep[np.lexsort((where[steep], of[steep]))]
-    found, at = np.unique(of[steep], return_index=True)
+    chain, at = np.unique(of[steep], return_index=True)
     out = np.full((3, chains), np.nan)
-    out[:, found] = grade[steep[at]], where[steep[at]], until[steep[at]]
+    out[:, chain] = grade[steep[at]], where[steep[at]], until[steep[at]]
     return out[0], out[1], out[2]

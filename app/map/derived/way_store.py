@@ -15,6 +15,7 @@ from app.core.db import fetch_binary, send_binary
 from app.core.tables import SRID_DEGREES, SRID_TILES
 from app.map.derived.chains import Chains, chains_of, places
 from app.map.derived.way_slopes import Measured, slopes_along
+from app.map.segment import Way
 from fusion.types import Floats
 
 LINE = np.dtype([("head", "u1", 13), ("xy", "<f8", (2, 2))])
@@ -53,52 +54,22 @@ _DELETE = """
     DELETE FROM ways WHERE osm_way_id = ANY(%(ways)s::bigint[]) OR id = ANY(%(ids)s::bigint[])
 """
 _TYPES = {
-    "id": "bigint",
-    "osm_way_id": "bigint",
-    "from_node": "bigint",
-    "to_node": "bigint",
-    "segments": "bigint",
-    "oneway": "bigint",
-    "drives": "bigint",
-    "observations": "bigint",
-    "highway": "text",
-    "name": "text",
-    "bridge": "boolean",
-    "tunnel": "boolean",
-    "updated_at": "timestamptz",
-    "geom": "bytea",
-    "geom_3857": "bytea",
+    "int64": "bigint",
+    "int32": "bigint",
+    "int16": "bigint",
+    "double": "float8",
+    "string": "text",
+    "bool": "boolean",
+    "timestamp[ms, tz=UTC]": "timestamptz",
 }
-_COLUMNS = (
-    "id",
-    "osm_way_id",
-    "from_node",
-    "to_node",
-    "segments",
-    "length_m",
-    "highway",
-    "name",
-    "oneway",
-    "bridge",
-    "tunnel",
-    "slope_percent",
-    "slope_sigma_percent",
-    "drives",
-    "observations",
-    "dem_slope_percent",
-    "updated_at",
-    "measured_share",
-    "steepest_percent",
-    "steepest_from_m",
-    "steepest_to_m",
-    "geom",
-    "geom_3857",
-)
+"""How columns are sent, by Arrow's name of their type."""
+_COLUMNS = {name: _TYPES[column.arrow] for name, column in Way.columns.items()}
+_COLUMNS |= {"geom": "bytea", "geom_3857": "bytea"}
 _READ = {name: f"ST_GeomFromEWKB({name})" for name in ("geom", "geom_3857")}
 _INSERT = f"""
     INSERT INTO ways ({", ".join(_COLUMNS)})
     SELECT {", ".join(_READ.get(name, name) for name in _COLUMNS)}
-    FROM unnest({", ".join(f"%({name})b::{_TYPES.get(name, 'float8')}[]" for name in _COLUMNS)})
+    FROM unnest({", ".join(f"%({name})b::{kind}[]" for name, kind in _COLUMNS.items())})
         AS row ({", ".join(_COLUMNS)})
 """  # noqa: S608 - constants
 
@@ -207,5 +178,5 @@ def _drawn(line: Floats, chains: Chains, srid: int) -> list[bytes]:
     begins, number = chains.first[:-1], chains.number()
     points = np.insert(line[chains.rows, 1], begins, line[chains.rows[begins], 0], axis=0)
     indices = np.insert(number, begins, np.arange(len(chains)))
-    made: NDArray[Any] = shapely.linestrings(points, indices=indices)
-    return list(shapely.to_wkb(shapely.set_srid(made, srid), include_srid=True))
+    drawn: NDArray[Any] = shapely.linestrings(points, indices=indices)
+    return list(shapely.to_wkb(shapely.set_srid(drawn, srid), include_srid=True))

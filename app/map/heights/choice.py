@@ -92,7 +92,7 @@ def _meet(a: RoadHere, b: RoadHere) -> bool:
 def _within(place: Floats, roads: Sequence[RoadHere], radius_m: float) -> list[OnRoad]:
     lon, lat = float(place[0]), float(place[1])
     east, north = METRES_PER_DEGREE * math.cos(math.radians(lat)), METRES_PER_DEGREE
-    found = []
+    near = []
     for road in roads:
         x0, y0 = (road.lon0_deg - lon) * east, (road.lat0_deg - lat) * north
         dx, dy = (road.lon1_deg - road.lon0_deg) * east, (road.lat1_deg - road.lat0_deg) * north
@@ -100,8 +100,8 @@ def _within(place: Floats, roads: Sequence[RoadHere], radius_m: float) -> list[O
         share = 0.0 if square == 0 else min(1.0, max(0.0, -(x0 * dx + y0 * dy) / square))
         off_m = math.hypot(x0 + share * dx, y0 + share * dy)
         if off_m <= radius_m:
-            found.append(OnRoad(road, share, off_m))
-    return found
+            near.append(OnRoad(road, share, off_m))
+    return near
 
 
 def _unit(road: RoadHere) -> tuple[float, float]:

@@ -84,8 +84,8 @@ def check_number(places: int, field: str, most: int) -> None:
 def spread(places: Floats, count: int) -> Floats:
     """``count`` places at equal distances along the line through ``places``, its ends among them."""
     along_m = distances_along_m(places)
-    wanted = np.linspace(0, along_m[-1], count)
-    return np.column_stack([np.interp(wanted, along_m, places[:, axis]) for axis in (0, 1)])
+    targets_m = np.linspace(0, along_m[-1], count)
+    return np.column_stack([np.interp(targets_m, along_m, places[:, axis]) for axis in (0, 1)])
 
 
 def distances_along_m(places: Floats) -> Floats:

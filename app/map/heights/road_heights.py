@@ -94,8 +94,8 @@ def _of_model(road: RoadHere, share: float) -> RoadHeight | None:
 
 def _decks(session: Session, hit: dict[int, RoadHere]) -> dict[int, RoadHeight]:
     """Heights of all nodes of the bridges and tunnels that these segments are of."""
-    whole = _whole(session, hit)
-    return {} if whole is None else _between(whole[0], _end_heights(*whole))
+    structure = _whole(session, hit)
+    return {} if structure is None else _between(structure[0], _end_heights(*structure))
 
 
 def _whole(
@@ -130,12 +130,12 @@ def _places_of(roads: Iterable[RoadHere]) -> dict[int, tuple[float, float]]:
 
 def _end_heights(spans: dict[int, RoadHere], ends: dict[int, list[RoadHere]]) -> dict[int, RoadHeight]:
     """Heights where roads of the ground, or measured ones, meet a structure: the surest that any of them says."""
-    found = {}
+    known = {}
     for node in {node for road in spans.values() for node in road.nodes}:
-        said = [height for road in ends.get(node, []) if (height := _at_node(road, node)) is not None]
-        if said:
-            found[node] = min(said, key=lambda one: one.sigma_m)
-    return found
+        heights = [height for road in ends.get(node, []) if (height := _at_node(road, node)) is not None]
+        if heights:
+            known[node] = min(heights, key=lambda one: one.sigma_m)
+    return known
 
 
 def _at_node(road: RoadHere, node: int) -> RoadHeight | None:

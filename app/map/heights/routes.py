@@ -158,10 +158,10 @@ def get_height(
 ) -> dict[str, Any]:
     """As POST."""
     try:
-        asked = HeightRequest.model_validate(json.loads(json_))
+        request = HeightRequest.model_validate(json.loads(json_))
     except (ValueError, RecursionError) as error:
         raise BadRequestError(f"json: {_reason(error)}", field="json") from None
-    return _answer(service, asked)
+    return _answer(service, request)
 
 
 @router.post(
@@ -232,23 +232,23 @@ def elevation(
     return Elevations(results=results, datum=HEIGHT_DATUM, attribution=source)
 
 
-def _answer(service: Service, asked: HeightRequest) -> dict[str, Any]:
-    places = _places(asked)
+def _answer(service: Service, request: HeightRequest) -> dict[str, Any]:
+    places = _places(request)
     along_m = reading.distances_along_m(places)
-    if asked.resample_distance is not None and len(places) > 1:
-        count = max(2, round(float(along_m[-1]) / asked.resample_distance) + 1)
+    if request.resample_distance is not None and len(places) > 1:
+        count = max(2, round(float(along_m[-1]) / request.resample_distance) + 1)
         reading.check_number(count, "resample_distance", reading.MOST_PLACES)
         places = reading.spread(places, count)
         along_m = reading.distances_along_m(places)
-    _, heights, source = _heights(service, places, asked.radius_m, line=True)
-    digits = asked.height_precision
+    _, heights, source = _heights(service, places, request.radius_m, line=True)
+    digits = request.height_precision
     height_m = [None if one is None else round(one.height_m, digits) for one in heights]
-    answer: dict[str, Any] = {} if asked.id is None else {"id": asked.id}
-    if asked.encoded_polyline is not None and asked.resample_distance is None:
-        answer["encoded_polyline"] = asked.encoded_polyline
+    answer: dict[str, Any] = {} if request.id is None else {"id": request.id}
+    if request.encoded_polyline is not None and request.resample_distance is None:
+        answer["encoded_polyline"] = request.encoded_polyline
     else:
         answer["shape"] = [{"lat": round(lat, 7), "lon": round(lon, 7)} for lon, lat in places.tolist()]
-    if asked.range:
+    if request.range:
         answer["range_height"] = [
             (round(metres, 1), height) for metres, height in zip(along_m.tolist(), height_m, strict=True)
         ]
@@ -263,15 +263,17 @@ def _answer(service: Service, asked: HeightRequest) -> dict[str, Any]:
     }
 
 
-def _places(asked: HeightRequest) -> Floats:
-    if (asked.shape is None) == (asked.encoded_polyline is None):
+def _places(request: HeightRequest) -> Floats:
+    if (request.shape is None) == (request.encoded_polyline is None):
         raise BadRequestError("Give shape or encoded_polyline, one of them.", field="shape")
-    if asked.shape is not None:
-        reading.check_number(len(asked.shape), "shape", reading.MOST_PLACES)
-        return reading.from_pairs([one.lat for one in asked.shape], [one.lon for one in asked.shape], "shape")
-    digits = 6 if asked.shape_format == "polyline6" else 5
+    if request.shape is not None:
+        reading.check_number(len(request.shape), "shape", reading.MOST_PLACES)
+        return reading.from_pairs(
+            [one.lat for one in request.shape], [one.lon for one in request.shape], "shape"
+        )
+    digits = 6 if request.shape_format == "polyline6" else 5
     return reading.from_polyline(
-        asked.encoded_polyline or "", digits, "encoded_polyline", reading.MOST_PLACES
+        request.encoded_polyline or "", digits, "encoded_polyline", reading.MOST_PLACES
     )
 
 

@@ -94,11 +94,11 @@ def roads_near(session: Session, places: Floats, radius_m: float) -> list[list[R
         "wide": wide,
         "high": radius_m / METRES_PER_DEGREE,
     }
-    found: list[list[RoadHere]] = [[] for _ in range(len(places))]
+    near: list[list[RoadHere]] = [[] for _ in range(len(places))]
     known: dict[int, RoadHere] = {}
     for n, *columns in fetch_binary(session, _NEAR, values):
-        found[n].append(known.setdefault(columns[0], RoadHere(*columns)))
-    return found
+        near[n].append(known.setdefault(columns[0], RoadHere(*columns)))
+    return near
 
 
 def roads_at(session: Session, nodes: dict[int, tuple[float, float]]) -> list[RoadHere]:

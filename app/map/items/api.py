@@ -77,8 +77,8 @@ def _version(request: Request, f: str | None) -> Wanted:
     accept = request.headers.get("accept", "").strip() or "*/*"
     if f is not None:
         return wanted(request, f, *_FORMS)
-    asked = sorted((_range(item) for item in accept.split(",")), key=lambda one: -one[2])
-    for name, version, weight in asked:
+    ranges = sorted((_range(item) for item in accept.split(",")), key=lambda one: -one[2])
+    for name, version, weight in ranges:
         if weight > 0 and name in {_OPENAPI, "application/openapi+json"}:
             form = OPENAPI_30 if version.startswith("3.0") else OPENAPI_31
             return Wanted(form, form.media_types[0], _FORMS, None)

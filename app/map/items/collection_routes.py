@@ -115,11 +115,11 @@ def _route(collection: Collection) -> None:
             *collection_links(base, collection),
         ]
         with service.reading() as session:
-            made = collection_document(service, session, base, collection, links)
+            content = collection_document(service, session, base, collection, links)
         return document_answer(
             request,
             form,
-            made,
+            content,
             links,
             template="collection.html",
             title=collection.title,

@@ -159,11 +159,11 @@ _ALWAYS = frozenset(
 
 
 def _properties(columns: Mapping[str, Column]) -> dict[str, Property]:
-    made = {}
+    properties = {}
     for name, column in columns.items():
         title, description, unit = _TEXTS[name]
         type_, format_ = _JSON[column.arrow]
-        made[name] = Property(
+        properties[name] = Property(
             name=name,
             sql=column.sql,
             type=type_,
@@ -175,7 +175,7 @@ def _properties(columns: Mapping[str, Column]) -> dict[str, Property]:
             digits=column.digits,
             values=(-1, 0, 1) if name == "oneway" else (),
         )
-    return made
+    return properties
 
 
 _JOINED = "segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id"

@@ -40,8 +40,8 @@ def parse_filter(text: str, language: str) -> Any:
     """The tree of a filter: dicts, lists, texts, numbers, truth values. Raises ``BadQueryError``."""
     if len(text) > LONGEST_CHARACTERS:
         refuse(f"it has {len(text)} characters; there may be {LONGEST_CHARACTERS}")
-    if found := NO_TEXT.search(text):
-        refuse(f"character {found.start() + 1} cannot be part of a text")
+    if forbidden := NO_TEXT.search(text):
+        refuse(f"character {forbidden.start() + 1} cannot be part of a text")
     return _of_json(text) if language == JSON else _of_text(text)
 
 
@@ -55,7 +55,7 @@ def _of_text(text: str) -> Any:
     try:
         tree = cql2.parse_text(text).to_json()
     except Exception as error:  # of a geometry that ends early the library raises no class of its own
-        refuse(_told(str(error), text))
+        refuse(_reason(str(error), text))
     _check_depth(tree)
     return tree
 
@@ -111,8 +111,8 @@ def _check_size(text: str) -> None:
         )
 
 
-def _blank(found: re.Match[str]) -> str:
-    return "0" * len(found[0])
+def _blank(match: re.Match[str]) -> str:
+    return "0" * len(match[0])
 
 
 def _effort(bare: str) -> int:
@@ -136,11 +136,11 @@ def _effort(bare: str) -> int:
     return effort + weight * (len(bare) - begin)
 
 
-def _told(said: str, text: str) -> str:
+def _reason(message: str, text: str) -> str:
     """What the library says of a text, in one sentence."""
-    place, expected = _PLACE.search(said), _EXPECTED.search(said)
+    place, expected = _PLACE.search(message), _EXPECTED.search(message)
     if place is None:
-        return "it cannot be read: " + " ".join(said.split())
+        return "it cannot be read: " + " ".join(message.split())
     line, column = int(place[1]), int(place[2])
     lines = text.split("\n")
     at = sum(len(one) + 1 for one in lines[: line - 1]) + column

@@ -23,8 +23,8 @@ from app.map.items.operators import (
     SPATIAL,
     TEMPORAL,
     Value,
+    describe,
     ends_in_escape,
-    told,
     whole_numbers,
 )
 from app.map.items.paging import MAX_ID, SQL_TYPES
@@ -64,8 +64,8 @@ class _Compiler:
         where = ""
         if self._language == JSON:
             where = f" (at {''.join(self._path).lstrip('.')})" if self._path else ""
-        elif about is not None and (found := re.search(rf"(?<![\w']){re.escape(about)}(?!\w)", self._text)):
-            where = f" (at character {found.start() + 1})"
+        elif about is not None and (match := re.search(rf"(?<![\w']){re.escape(about)}(?!\w)", self._text)):
+            where = f" (at character {match.start() + 1})"
         return BadQueryError(f"filter: {reason}{where}.", field="filter")
 
     def _parameter(self, value: Any, kind: str) -> str:
@@ -75,9 +75,9 @@ class _Compiler:
 
     def _at(self, step: str, node: Any, reader: Callable[[Any], Any]) -> Any:
         self._path.append(step)
-        found = reader(node)
+        value = reader(node)
         self._path.pop()
-        return found
+        return value
 
     def _value(self, node: Any) -> Value:
         self._nodes += 1
@@ -162,14 +162,14 @@ class _Compiler:
 
     def _geometry(self, node: dict[str, Any]) -> Value:
         try:
-            found = wkb_of(node, self._crs)
+            wkb = wkb_of(node, self._crs)
         except (ValueError, BadQueryError) as error:
             self._refuse(
                 f"a geometry cannot be used: {str(error).removeprefix('bbox: ')}",
                 str(node.get("type", "bbox")),
             )
         name = f"f{len(self.values)}"
-        self.values[name] = found
+        self.values[name] = wkb
         return Value("line", f"ST_GeomFromWKB(%({name})s, 4326)")
 
     def _of_operator(self, written: str, args: Any) -> Value:
@@ -306,7 +306,9 @@ class _Compiler:
             or kinds & {"line", "span"}
             or (kinds == {"boolean"} and op not in {"=", "<>", "in"})
         ):
-            self._refuse(f"{op.upper()} cannot compare {' with '.join(told(value) for value in values[:2])}")
+            self._refuse(
+                f"{op.upper()} cannot compare {' with '.join(describe(value) for value in values[:2])}"
+            )
         return [self._sql(value) for value in values]
 
     def _time_of(self, value: Value) -> Value:

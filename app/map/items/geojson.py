@@ -27,13 +27,13 @@ def feature_sql(collection: Collection, crs: Crs, shown: tuple[str, ...], *, wit
     written at once.
     """
     properties = [collection.properties[name] for name in shown]
-    whole = _concat(collection, crs, properties, with_line=with_line, without=None)
+    complete = _concat(collection, crs, properties, with_line=with_line, without=None)
     tables = list(collection.keys.items())
     if len(tables) == 1:
-        return whole
+        return complete
     table, key = tables[1]
     bare = _concat(collection, crs, properties, with_line=with_line, without=table)
-    return f"CASE WHEN {key} IS NULL THEN {bare} ELSE {whole} END"
+    return f"CASE WHEN {key} IS NULL THEN {bare} ELSE {complete} END"
 
 
 def _concat(

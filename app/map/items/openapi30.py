@@ -49,33 +49,33 @@ _METHODS = frozenset({"get", "put", "post", "delete", "options", "head", "patch"
 
 def openapi_30(document: Mapping[str, Any]) -> Json:
     """The document in 3.0.3; ``document``, in 3.1, stays as it is."""
-    made: Json = json.loads(json.dumps(document))
-    made["openapi"] = VERSION
+    older: Json = json.loads(json.dumps(document))
+    older["openapi"] = VERSION
     for name in ("webhooks", "jsonSchemaDialect"):
-        made.pop(name, None)
-    _information(made["info"])
-    components = made.setdefault("components", {})
+        older.pop(name, None)
+    _information(older["info"])
+    components = older.setdefault("components", {})
     components.pop("pathItems", None)
     components["schemas"] = {
         name: schema_30(schema) for name, schema in components.get("schemas", {}).items()
     }
-    made["paths"] = {path: _place(item) for path, item in made.get("paths", {}).items()}
-    _share_parameters(made)
-    return made
+    older["paths"] = {path: _place(item) for path, item in older.get("paths", {}).items()}
+    _share_parameters(older)
+    return older
 
 
 def schema_30(schema: Any) -> Json:
     """A schema of 3.1 as one of 3.0."""
     if isinstance(schema, bool):
         return {} if schema else {"not": {}}
-    made: Json = {name: value for name, value in schema.items() if name not in _ONLY_31}
-    _values(made)
-    _limits(made)
-    _lists_of_items(made)
-    _parts(made)
-    _choices(made)
-    _types(made)
-    return _reference(made)
+    older: Json = {name: value for name, value in schema.items() if name not in _ONLY_31}
+    _values(older)
+    _limits(older)
+    _lists_of_items(older)
+    _parts(older)
+    _choices(older)
+    _types(older)
+    return _reference(older)
 
 
 def _information(info: Json) -> None:
@@ -163,17 +163,19 @@ def _choices(schema: Json) -> None:
             continue
         kinds = [kind for kind in schema[name] if kind != _NULL]
         with_null = len(kinds) < len(schema[name])
-        made = [schema_30(kind) for kind in kinds]
+        older = [schema_30(kind) for kind in kinds]
         del schema[name]
-        if len(made) == 1 and "$ref" in made[0]:
+        if len(older) == 1 and "$ref" in older[0]:
             # As generators of clients read it; to the letter nullable says nothing where there is no type beside it.
-            schema["allOf"] = [*schema.get("allOf", []), *made]
+            schema["allOf"] = [*schema.get("allOf", []), *older]
             schema.update({"nullable": True} if with_null else {})
-        elif len(made) == 1 and (not with_null or "type" in made[0]) and not made[0].keys() & schema.keys():
-            schema.update(made[0])
+        elif (
+            len(older) == 1 and (not with_null or "type" in older[0]) and not older[0].keys() & schema.keys()
+        ):
+            schema.update(older[0])
             schema.update({"nullable": True} if with_null else {})
         else:
-            schema[name] = [*made, *([dict(_NULL_30)] if with_null else [])]
+            schema[name] = [*older, *([dict(_NULL_30)] if with_null else [])]
 
 
 def _types(schema: Json) -> None:

@@ -77,7 +77,7 @@ def whole_numbers(values: list[Value]) -> bool:
     return any(value.kind == "integer" for value in values)
 
 
-def told(value: Value) -> str:
+def describe(value: Value) -> str:
     kind = "text" if value.kind == "string" else value.kind
     return f"the {kind} {value.literal!r}" if value.is_literal else f"a {kind}"
 

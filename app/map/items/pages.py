@@ -40,16 +40,16 @@ def _style() -> str:
 
 @lru_cache
 def _templates() -> Environment:
-    made = Environment(
+    environment = Environment(
         loader=PackageLoader("app.map.items"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(shown=_shown, prose=_prose, kind=_kind)
-    made.globals["style"] = Markup(_style())  # ours, not a visitor's  # noqa: S704
-    return made
+    environment.filters.update(shown=_shown, prose=_prose, kind=_kind)
+    environment.globals["style"] = Markup(_style())  # ours, not a visitor's  # noqa: S704
+    return environment
 
 
 def _shown(value: Any) -> str:

@@ -222,12 +222,12 @@ def _unpacked(text: str) -> list[Any]:
     try:
         if len(text) > _LONGEST:
             raise ValueError("too long")
-        found = json.loads(base64.b64decode(text + "=" * (-len(text) % 4), altchars=b"-_", validate=True))
+        values = json.loads(base64.b64decode(text + "=" * (-len(text) % 4), altchars=b"-_", validate=True))
     except (ValueError, RecursionError, binascii.Error):
-        found = None
-    if not isinstance(found, list) or len(found) < 4:
+        values = None
+    if not isinstance(values, list) or len(values) < 4:
         raise _bad_after("this is no place in the items")
-    return found
+    return values
 
 
 def _fits(value: Any, kind: str, *, nullable: bool) -> bool:

@@ -106,17 +106,17 @@ def wkb_of(node: Mapping[str, Any], crs: Crs) -> bytes:
     if node.get("type") not in _GEOMETRIES:
         raise ValueError(f"there is no geometry {node.get('type')!r}; there are {', '.join(_GEOMETRIES)}")
     try:
-        made = shapely.force_2d(shape(node))
-        points = shapely.get_coordinates(made)
+        geometry = shapely.force_2d(shape(node))
+        points = shapely.get_coordinates(geometry)
     except (ValueError, TypeError, IndexError, KeyError, AttributeError, shapely.errors.ShapelyError):
         raise ValueError(f"its coordinates do not make a {node['type']}") from None
     if not 0 < len(points) <= MOST_POINTS:
         raise ValueError(f"it has {len(points)} points; there may be 1 to {MOST_POINTS}")
     placed = [_checked(*crs.to_degrees(float(x), float(y))) for x, y in points]
-    made = shapely.set_coordinates(made, placed)
-    if not made.is_valid:
-        raise ValueError(f"it is not valid: {shapely.is_valid_reason(made)}")
-    return bytes(shapely.to_wkb(made))
+    geometry = shapely.set_coordinates(geometry, placed)
+    if not geometry.is_valid:
+        raise ValueError(f"it is not valid: {shapely.is_valid_reason(geometry)}")
+    return bytes(shapely.to_wkb(geometry))
 
 
 _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon")

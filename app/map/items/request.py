@@ -82,8 +82,8 @@ class ItemRequest:
 
     def query(self, **other: str | None) -> list[tuple[str, str]]:
         """The parameters as they came with some of them replaced, or left out where they are None."""
-        kept = [(name, text) for name, text in self.pairs if name not in other]
-        return kept + [(name, text) for name, text in other.items() if text is not None]
+        unchanged = [(name, text) for name, text in self.pairs if name not in other]
+        return unchanged + [(name, text) for name, text in other.items() if text is not None]
 
 
 def item_parameters(collection: Collection) -> tuple[str, ...]:
@@ -104,8 +104,8 @@ def parse_items(collection: Collection, params: Iterable[tuple[str, str]], setti
     if "filter" in one:
         conditions.append(_filter(collection, one))
     order = Order(collection, parse_sortby(one["sortby"], collection) if "sortby" in one else ())
-    said = sorted((n, t) for n, t in pairs if n not in {*SHOWN, "limit", "after", "sortby"})
-    digest = digest_of(collection.id, order.text, said)
+    conditions_text = sorted((n, t) for n, t in pairs if n not in {*SHOWN, "limit", "after", "sortby"})
+    digest = digest_of(collection.id, order.text, conditions_text)
     until_xid, after = parse_after(one["after"], digest, order) if "after" in one else (None, None)
     return ItemRequest(
         collection=collection,
@@ -141,9 +141,9 @@ def _sorted_out(
     for name, text in pairs:
         if name not in names:
             raise BadQueryError(f"There is no parameter {name!r}. There are: {', '.join(names)}.", field=name)
-        if found := NO_TEXT.search(text):
+        if forbidden := NO_TEXT.search(text):
             raise BadQueryError(
-                f"{name}: character {found.start() + 1} cannot be part of a text.", field=name
+                f"{name}: character {forbidden.start() + 1} cannot be part of a text.", field=name
             )
         if name in collection.queryables:
             many.setdefault(name, []).append(text)
@@ -294,13 +294,13 @@ def _shape(collection: Collection, one: Mapping[str, str]) -> Shape:
 
 def _names(collection: Collection, text: str) -> tuple[str, ...]:
     """Some of the properties, in the collection's order; nothing: none of them."""
-    asked = set(text.split(",")) - {"", GEOMETRY}
-    if unknown := sorted(asked - set(collection.properties)):
+    names = set(text.split(",")) - {"", GEOMETRY}
+    if unknown := sorted(names - set(collection.properties)):
         raise BadQueryError(
             f"properties: there is no property {unknown[0]!r}. There are: {', '.join(collection.properties)}.",
             field="properties",
         )
-    return tuple(name for name in collection.properties if name in asked)
+    return tuple(name for name in collection.properties if name in names)
 
 
 def _since(text: str) -> Since:

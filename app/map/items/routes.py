@@ -50,17 +50,17 @@ router = APIRouter(tags=["map"])
 def items_answer(request: Request, service: Service, base: str, collection: Collection) -> Response:
     """One page of a collection's items."""
     form = wanted(request, request.query_params.get("f"), AS_GEOJSON, AS_HTML)
-    asked = parse_items(collection, request.query_params.multi_items(), service.settings)
+    item_request = parse_items(collection, request.query_params.multi_items(), service.settings)
     with service.reading() as session:
-        shown = store.page(session, asked)
-        source = attribution(_rasters(service, session, shown.features, asked))
+        shown = store.page(session, item_request)
+        source = attribution(_rasters(service, session, shown.features, item_request))
     here = f"{base}/collections/{collection.id}/items"
     links = [
-        *form.links(here, asked.pairs),
+        *form.links(here, item_request.pairs),
         link(f"{base}/collections/{collection.id}", "collection", title=collection.title),
     ]
     if shown.next_cursor is not None:
-        following = with_pairs(here, asked.query(after=shown.next_cursor))
+        following = with_pairs(here, item_request.query(after=shown.next_cursor))
         links.insert(0, link(following, "next", form.media_type, "The next page"))
     document = {
         "type": "FeatureCollection",
@@ -72,8 +72,8 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
         "links": link_documents(links),
     }
     if form.html:
-        return _items_page(request, base, asked, document, shown.features, links)
-    return _items_text(request, form, asked.shape.crs, document, shown.features, links)
+        return _items_page(request, base, item_request, document, shown.features, links)
+    return _items_text(request, form, item_request.shape.crs, document, shown.features, links)
 
 
 def item_answer(
@@ -91,8 +91,8 @@ def item_answer(
         behind = f"{base}/v1/segments/{item_id}/observations"
         links.append(link(behind, "observations", title="The drives behind it"))
     if not form.html:
-        whole = f'{text[:-1]},"links":{dumps(link_documents(links))}}}'
-        return answered(request, whole, form.media_type, links=links, headers=_content_crs(shape.crs))
+        body = f'{text[:-1]},"links":{dumps(link_documents(links))}}}'
+        return answered(request, body, form.media_type, links=links, headers=_content_crs(shape.crs))
     shown = page(
         "item.html",
         title=f"{collection.title}: {item_id}",
@@ -131,13 +131,13 @@ def _items_text(
 def _items_page(
     request: Request,
     base: str,
-    asked: ItemRequest,
+    item_request: ItemRequest,
     document: dict[str, Any],
     features: Iterable[str],
     links: Sequence[Link],
 ) -> Response:
     """The page as a table."""
-    collection = asked.collection
+    collection = item_request.collection
     here = f"{base}/collections/{collection.id}/items"
     shown = page(
         "items.html",
@@ -146,9 +146,9 @@ def _items_page(
         links=links,
         document=document,
         features=[json.loads(text) for text in features],
-        properties=[collection.properties[name] for name in asked.shape.properties if name != "id"],
+        properties=[collection.properties[name] for name in item_request.shape.properties if name != "id"],
         address=here,
-        first=with_pairs(here, asked.query(after=None)) if asked.after else None,
+        first=with_pairs(here, item_request.query(after=None)) if item_request.after else None,
     )
     return answered(request, shown, HTML, links=links, headers=page_headers())
 
@@ -163,12 +163,12 @@ def _content_crs(crs: Crs) -> dict[str, str]:
 
 
 def _rasters(
-    service: Service, session: Session, features: Sequence[str], asked: ItemRequest
+    service: Service, session: Session, features: Sequence[str], item_request: ItemRequest
 ) -> tuple[str, ...]:
     """The elevation rasters under the items that are shown."""
-    if not asked.shape.with_line:
+    if not item_request.shape.with_line:
         return dem_names(service, session) if features else ()
-    crs = asked.shape.crs
+    crs = item_request.shape.crs
 
     def places() -> Iterable[tuple[float, float]]:
         for text in features:

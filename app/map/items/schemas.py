@@ -162,10 +162,10 @@ def _route(collection: Collection, name: str, title: str, text: str, make: Maker
         links = [*form.links(address), link(up, "collection", title=collection.title)]
         if form.form is AS_XSD:
             return answered(request, xml_schema(collection), form.media_type, links=links)
-        made = make(address, collection)
+        schema = make(address, collection)
         above = [("Versant", f"{base}/"), ("Collections", f"{base}/collections"), (collection.title, up)]
         return document_answer(
-            request, form, made, links, template="schema.html", title=made["title"], crumbs=above
+            request, form, schema, links, template="schema.html", title=schema["title"], crumbs=above
         )
 
     document.__doc__ = text

@@ -101,8 +101,8 @@ def one(session: Session, collection: Collection, feature_id: int, shape: Shape)
     statement = _ONE.format(
         feature=_feature(collection, shape), source=_source(collection, shape), key=collection.key
     )
-    found = fetch_binary(session, statement, {"id": feature_id})
-    return found[0][0] if found else None
+    rows = fetch_binary(session, statement, {"id": feature_id})
+    return rows[0][0] if rows else None
 
 
 def _up_to(session: Session, request: ItemRequest) -> tuple[int | None, ItemRequest]:
@@ -163,9 +163,9 @@ def _matched(fetch: _Fetch, request: ItemRequest) -> int | None:
     )
     values = {"most": COUNTED_MOST + 1, **_values(request.conditions)}
     ((plan,),) = fetch(_EXPLAIN + statement, values)
-    whole = plan[0]["Plan"]
-    if whole["Total Cost"] > (_CHEAP_OF_PLACES if "ST_" in statement else _CHEAP) or _most_likely_too_many(
-        whole
+    expected = plan[0]["Plan"]
+    if expected["Total Cost"] > (_CHEAP_OF_PLACES if "ST_" in statement else _CHEAP) or _most_likely_too_many(
+        expected
     ):
         return None
     ((count,),) = fetch(statement, values)

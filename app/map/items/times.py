@@ -19,13 +19,13 @@ _SECONDS = re.compile(r":\d{2}:\d{2}\.(\d{4,})")
 
 def moment(text: str) -> datetime:
     """The moment of a time of RFC 3339, or the first of a date in UTC; ``ValueError`` for anything else."""
-    whole = text.strip().upper()
-    if _DATE.fullmatch(whole):
-        return datetime.fromisoformat(whole).replace(tzinfo=UTC)
-    if not _TIME.fullmatch(whole):
+    upper = text.strip().upper()
+    if _DATE.fullmatch(upper):
+        return datetime.fromisoformat(upper).replace(tzinfo=UTC)
+    if not _TIME.fullmatch(upper):
         raise ValueError(f"{text!r} is no time; write 2026-11-20T09:13:02Z or 2026-11-20")
     try:
-        return datetime.fromisoformat(whole).astimezone(UTC)
+        return datetime.fromisoformat(upper).astimezone(UTC)
     except (ValueError, OverflowError):
         raise ValueError(f"{text!r}: there is no such day or hour") from None
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.map import store
-from app.map.pages import all_segments
 from app.map.picture import slope_map
 from app.map.picture.slope_map import (
     MapError,
@@ -22,6 +21,7 @@ from app.map.picture.slope_map import (
 )
 from app.map.picture.slope_picture import write_map
 from app.map.segment import Segment
+from app.map.store import all_segments
 from fusion.roads.table import RoadTable
 
 if TYPE_CHECKING:

@@ -106,10 +106,10 @@ def _small(text: str) -> list[Row]:
     return [Row(line, small=True) for line in wrapped(text, SMALL_PT, 72 * WIDTH_IN)]
 
 
-def colour_rows(scale: Normalize, asked: bool) -> list[Row]:
+def colour_rows(scale: Normalize, given: bool) -> list[Row]:
     """What is said of the range of colours."""
     top = f"{scale.vmax:g} %"
-    how = "as asked" if asked else "chosen by the slopes shown"
+    how = "as asked" if given else "chosen by the slopes shown"
     return _small(f"Darkest from {top} on, {how}. Up or down alike: arrows point uphill.")
 
 

@@ -93,13 +93,13 @@ def write_map(
 
 def save_figure(figure: Figure, out: Path | BinaryIO, kind: str, title: str, credit: str) -> None:
     """Write a figure as png, pdf or svg, with what it is and whose data it shows among its metadata."""
-    said = {
+    metadata = {
         "png": {"Software": "Versant", "Title": title, "Copyright": credit},
         "pdf": {"Creator": "Versant", "Title": title, "Subject": credit},
         "svg": {"Creator": "Versant", "Title": title, "Rights": credit},
     }[kind]
     with mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "versant"}):
-        figure.savefig(out, format=kind, metadata=said)
+        figure.savefig(out, format=kind, metadata=metadata)
 
 
 def slope_figure(

@@ -133,8 +133,8 @@ def _candidates(points: Floats, directions: Floats, half_m: Floats) -> Iterator[
         across = np.array([-along[1], along[0]])
         beside = np.abs(away @ across) <= half_m[1]
         bins = np.floor((away[beside] @ along + half_m[0]) / (2 * half_m[1]))
-        wanted = np.ceil(half_m[0] / half_m[1])
-        if len(np.unique(bins[(bins >= 0) & (bins < wanted)])) < STRAIGHT_SHARE * wanted:
+        bins_of_text = np.ceil(half_m[0] / half_m[1])
+        if len(np.unique(bins[(bins >= 0) & (bins < bins_of_text)])) < STRAIGHT_SHARE * bins_of_text:
             continue
         for side in (1.0, -1.0):
             yield _Box(points[k] + 2.0 * side * half_m[1] * across, along, half_m)

@@ -26,8 +26,8 @@ def is_writable(text: str) -> bool:
 
 def writable(text: str) -> str:
     """Anyone's text on one line, with ``MISSING`` for what the font cannot write; control characters are spaces."""
-    kept = "".join(c if c.isprintable() else " " for c in text)
-    return "".join(c if is_writable(c) else MISSING for c in " ".join(kept.split()))
+    printable = "".join(c if c.isprintable() else " " for c in text)
+    return "".join(c if is_writable(c) else MISSING for c in " ".join(printable.split()))
 
 
 def width_pt(text: str, size_pt: float) -> float:

@@ -1,4 +1,4 @@
-"""Figures of the whole map: what takes a look at every segment, or every verdict, is made by a worker and kept."""
+"""Figures of the whole map: what reads every segment, or every rejected pass, is computed by a worker and stored."""
 
 from __future__ import annotations
 
@@ -53,6 +53,7 @@ SIGMAS = text(
 )
 
 # Drives disagree where passes are rejected; by how many, and how far apart they are.
+# ``drives_unheard`` is the old name of ``drives_rejected``, for one version.
 DISAGREEMENTS = text(
     """
     WITH worst AS (
@@ -110,7 +111,7 @@ KEPT: Mapping[str, Callable[[Session], Rows]] = {
 OF_NO_STATE = frozenset({"tiles"})
 """They change by themselves, whatever becomes of the map."""
 
-# The last transaction that changed what any square shows, the roads, and the rasters.
+# The last transaction that changed what any cell shows, the roads, and the rasters.
 _STATE = text(
     """
     SELECT concat_ws('.', (SELECT max(changed_xid) FROM cells), (SELECT max(id) FROM road_versions),
@@ -156,15 +157,15 @@ def kept(session: Session, name: str) -> Kept | None:
 
 
 def state(session: Session) -> str:
-    """Of all that the figures are made from but verdicts, which come with slopes."""
+    """Of all that the figures are computed from but rejected passes, which come with slopes."""
     return str(session.execute(_STATE).scalar_one())
 
 
 def due(session: Session, state_now: str, age_s: float) -> str | None:
     """The name of figures that are of another state and older than that, or were never made."""
     values = {"names": sorted(KEPT), "state": state_now, "age_s": age_s}
-    found = session.execute(_DUE, values).scalar_one_or_none()
-    return None if found is None else str(found)
+    name = session.execute(_DUE, values).scalar_one_or_none()
+    return None if name is None else str(name)
 
 
 def keep(session: Session, name: str, rows: list[dict[str, Any]], took_s: float, state_then: str) -> None:

@@ -12,7 +12,7 @@ from app.core.db import Sessions
 LOOK_EVERY_S = 600.0
 """How often a worker notes how much is driven by now; the last note of a day stays."""
 
-# Each square keeps its own sums, so no segment is read.
+# Each cell keeps its own sums, so no segment is read.
 _NOW = """
     SELECT CAST(now() AT TIME ZONE 'UTC' AS date) AS day, of_class.key AS highway,
            CAST(sum(CAST(of_class.value ->> 0 AS bigint)) AS bigint) AS segments,

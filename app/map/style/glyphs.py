@@ -58,9 +58,9 @@ def fonts_of(stack: str) -> tuple[str, ...]:
 
 def first_of_range(text: str) -> int:
     """The first character of a range such as 0-255; ``NotFoundError`` for anything else."""
-    found = _RANGE.fullmatch(text)
-    if found is not None:
-        first, last = int(found[1]), int(found[2])
+    match = _RANGE.fullmatch(text)
+    if match is not None:
+        first, last = int(match[1]), int(match[2])
         if first % PER_RANGE == 0 and last == first + PER_RANGE - 1 and last <= MOST_CHARACTER:
             return first
     raise NotFoundError(
@@ -78,13 +78,13 @@ def glyphs(fonts: tuple[str, ...], first: int) -> bytes:
 
     Kept once made. Fonts have few characters beside those that there are, so that what is kept stays small.
     """
-    found = _made.get((fonts, first))
-    if found is None:
+    message = _made.get((fonts, first))
+    if message is None:
         with _making:  # one at a time: who asks for the same meanwhile gets what the first one made
-            found = _made.get((fonts, first)) or _message(fonts, first)
+            message = _made.get((fonts, first)) or _message(fonts, first)
             if len(_made) < MOST_KEPT:
-                _made[fonts, first] = found
-    return found
+                _made[fonts, first] = message
+    return message
 
 
 def _message(fonts: tuple[str, ...], first: int) -> bytes:
@@ -135,10 +135,10 @@ class _Font:
 
 @lru_cache
 def _font(file: str) -> _Font:
-    found = find_spec("matplotlib")  # where it is, without loading it
-    assert found is not None  # noqa: S101 - the package depends on it
-    assert found.origin is not None  # noqa: S101
-    return _Font(Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / file)
+    package = find_spec("matplotlib")  # where it is, without loading it
+    assert package is not None  # noqa: S101 - the package depends on it
+    assert package.origin is not None  # noqa: S101
+    return _Font(Path(package.origin).parent / "mpl-data" / "fonts" / "ttf" / file)
 
 
 class _Lines(BasePen):  # type: ignore[misc]

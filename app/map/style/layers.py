@@ -196,7 +196,7 @@ def _arrows(theme: Theme, shown: Shown, slope: Expression) -> dict[str, Any]:
 
 def _figures(theme: Theme, shown: Shown) -> dict[str, Any]:
     """Percent beside the road; with its sigma where there is room."""
-    value = _number(shown.said, ["case", [">=", shown.said, 9.95], 0, 1])
+    value = _number(shown.figure, ["case", [">=", shown.figure, 9.95], 0, 1])
     text: Expression = ["concat", value, " %"]
     if shown.sigma is not None:
         sigma = _number(shown.sigma, ["case", [">=", shown.sigma, 0.095], 1, 2])
@@ -206,10 +206,10 @@ def _figures(theme: Theme, shown: Shown) -> dict[str, Any]:
         "type": "symbol",
         "source": SOURCE,
         "minzoom": FIGURES_FROM,
-        "filter": ["all", shown.known, [">=", shown.said, ["step", ["zoom"], ARROW_PERCENT, 17, 0]]],
+        "filter": ["all", shown.known, [">=", shown.figure, ["step", ["zoom"], ARROW_PERCENT, 17, 0]]],
         "layout": {
             "symbol-placement": "line-center",
-            "symbol-sort-key": ["-", 0, shown.said],
+            "symbol-sort-key": ["-", 0, shown.figure],
             "text-field": text,
             "text-font": LABEL_FONTS,
             "text-size": ["interpolate", ["linear"], ["zoom"], 15, 10, 19, 14],

@@ -7,7 +7,6 @@ people see the order; tests hold them equal, and nothing that serves a map has t
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -33,10 +32,6 @@ class ColourScale:
     title: str
     breaks_percent: tuple[float, ...]
     colours: tuple[str, ...]
-
-    def colour_of(self, value_percent: float) -> str:
-        """The colour of a value, 0 or more."""
-        return self.colours[bisect_right(self.breaks_percent, value_percent) - 1]
 
     def classes(self) -> list[tuple[str, str]]:
         """Label and colour of each class: what a legend says."""

@@ -24,7 +24,7 @@ class Shown:
     """Whether a road has a colour."""
     value: Expression
     """The figure of the scale, 0 or more, where it is known."""
-    said: Expression
+    figure: Expression
     """The figure beside the road, 0 or more."""
     sigma: Expression | None
     """Of that figure; None: it has none."""

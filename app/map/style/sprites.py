@@ -42,11 +42,11 @@ def sheet(file: str) -> tuple[bytes, str]:
 
 def _index(ratio: int) -> bytes:
     side = SIDE_PX * ratio
-    found = {
+    places = {
         name: {"x": k * side, "y": 0, "width": side, "height": side, "pixelRatio": ratio, "sdf": True}
         for k, name in enumerate(_SIGNS)
     }
-    return json.dumps(found).encode()
+    return json.dumps(places).encode()
 
 
 def _picture(ratio: int) -> bytes:

@@ -71,8 +71,8 @@ class Connections:
     def give_up(self, task: asyncio.Task[Any]) -> None:
         """Cancel a task that may work on a connection of these, and its statement on the server, until it has ended.
 
-        The driver asks the server once, which hears it in vain before it has begun with the statement; that would then
-        go on, and hold its locks, when its connection is long closed here.
+        The driver asks the server once, which has no effect before the statement has begun; the statement would then go
+        on, and hold its locks, long after its connection is closed here.
         """
         task.cancel()
         if not task.done():
@@ -150,10 +150,10 @@ class Asker:
             return
         results, self._results = self._results, []
         for result in results:
-            self._answered(_told(result))
+            self._answered(_checked(result))
 
 
-def _told(result: PGresult) -> PGresult | psycopg.Error:
+def _checked(result: PGresult) -> PGresult | psycopg.Error:
     if result.status == ExecStatus.TUPLES_OK:
         return result
     state = result.error_field(DiagnosticField.SQLSTATE) or b"XX000"

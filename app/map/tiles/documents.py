@@ -11,7 +11,7 @@ from app.core.settings import Settings
 from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution, attribution_html
 from app.map.coverage import cached_extent, dem_names
 from app.map.tiles.front import MVT, QUAD
-from app.map.tiles.store import SEGMENTS, WAYS
+from app.map.tiles.store import EDGE_DEG, SEGMENTS, WAYS, column_of, row_of
 from app.map.tiles.tiles import WAYS_FROM_ZOOM
 
 FIELDS = {
@@ -80,8 +80,6 @@ _HALF_M = math.pi * 6_378_137
 _PIXELS = 256
 _PIXEL_M = 0.00028
 """Side of a pixel on the screen that scale denominators are stated for (the standard's)."""
-_EASE = 85.0511287798066
-"""Latitude at which the square of the map ends, degrees."""
 
 
 def tilesets_link(base: str, layer: str | None = None) -> Link:
@@ -147,7 +145,7 @@ def tileset_document(service: Service, base: str, here: str, layer: str) -> dict
         "crs": WEB_MERCATOR,
         "tileMatrixSetURI": QUAD_URI,
         "tileMatrixSetLimits": [
-            _limits(z, bounds or (-180.0, -_EASE, 180.0, _EASE))
+            _limits(z, bounds or (-180.0, -EDGE_DEG, 180.0, EDGE_DEG))
             for z in range(lowest, settings.tile_max_zoom + 1)
         ],
         "layers": [_described(layer, lowest, settings.tile_max_zoom)],
@@ -199,8 +197,8 @@ def _limits(z: int, bounds: tuple[float, float, float, float]) -> dict[str, Any]
     west, south, east, north = bounds
     if west > east:
         west, east = -180.0, 180.0
-    columns = [_column(z, longitude) for longitude in (west, east)]
-    rows = [_row(z, latitude) for latitude in (north, south)]
+    columns = [column_of(z, longitude) for longitude in (west, east)]
+    rows = [row_of(z, latitude) for latitude in (north, south)]
     return {
         "tileMatrix": str(z),
         "minTileCol": columns[0],
@@ -208,15 +206,6 @@ def _limits(z: int, bounds: tuple[float, float, float, float]) -> dict[str, Any]
         "minTileRow": rows[0],
         "maxTileRow": rows[1],
     }
-
-
-def _column(z: int, longitude: float) -> int:
-    return min((1 << z) - 1, max(0, int((longitude + 180) / 360 * 2**z)))
-
-
-def _row(z: int, latitude: float) -> int:
-    bounded = math.radians(min(_EASE, max(-_EASE, latitude)))
-    return min((1 << z) - 1, max(0, int((1 - math.asinh(math.tan(bounded)) / math.pi) / 2 * 2**z)))
 
 
 def tilejson(service: Service, base: str, layer: str) -> dict[str, Any]:

@@ -97,17 +97,17 @@ class TileFront:
         scope["path_params"] = {"z": path.at.z, "x": path.at.x, "y": path.at.y}
         tiles: Tiles = scope["app"].state.tiles
         try:
-            found = await answer(tiles, path.at, scope["headers"], _unless_client_leaves(receive))
+            reply = await answer(tiles, path.at, scope["headers"], _unless_client_leaves(receive))
         except ClientDisconnect:
-            found = Answer(CLIENT_GONE, [], b"")
+            reply = Answer(CLIENT_GONE, [], b"")
         except ServiceError as error:
             await (await service_error(Request(scope), error))(scope, receive, send)
             return
         except psycopg.OperationalError as error:
             await (await database_error(Request(scope), error))(scope, receive, send)
             return
-        await send({"type": "http.response.start", "status": found.status, "headers": found.headers})
-        await send({"type": "http.response.body", "body": found.body})
+        await send({"type": "http.response.start", "status": reply.status, "headers": reply.headers})
+        await send({"type": "http.response.body", "body": reply.body})
 
     def _tile_path(self, scope: Scope) -> TilePath | None:
         if scope["type"] != "http" or scope["method"] != "GET" or scope["query_string"] not in _QUERIES:

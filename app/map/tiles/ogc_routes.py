@@ -204,8 +204,8 @@ def _only(
             else "f names no format.",
             field="f",
         )
-    wanted = request.query_params.get("collections")
-    if wanted not in {None, "", SEGMENTS}:
+    collections = request.query_params.get("collections")
+    if collections not in {None, "", SEGMENTS}:
         raise BadQueryError(
             f"The tiles of the whole hold the collection {SEGMENTS}; others have tiles of their own.",
             field="collections",

@@ -81,9 +81,9 @@ async def vector_tile(request: Request, at: Address) -> Response:
     """The answer of a route to a request for a vector tile."""
     # Requests that have a class got their place before the route (``app.core.admission``).
     is_admitted = class_of_request("GET", request.url.path) is not None
-    found = await answer(request.app.state.tiles, at, request.scope["headers"], is_admitted=is_admitted)
-    response = Response(found.body, found.status)
-    response.raw_headers = found.headers
+    reply = await answer(request.app.state.tiles, at, request.scope["headers"], is_admitted=is_admitted)
+    response = Response(reply.body, reply.status)
+    response.raw_headers = reply.headers
     return response
 
 

@@ -28,6 +28,8 @@ BUFFER = 64
 NO_LIMIT = 2_000_000_000
 DEEPEST_KEPT = 30
 """No zoom is below."""
+EDGE_DEG = 85.0511287798066
+"""Latitude at which the plane of tiles ends."""
 DEM_DIGITS = 1
 """Of slopes by the elevation model in tiles."""
 _WORLD_M = 2 * math.pi * 6_378_137
@@ -186,9 +188,9 @@ def look_question(seen: str) -> list[bytes | None]:
     return [seen.partition(":")[0].encode(), seen.encode()]
 
 
-def look_answer(found: PGresult) -> Look:
+def look_answer(result: PGresult) -> Look:
     """What a look found."""
-    epoch, snapshot, cells = (found.get_value(0, k) or b"" for k in range(3))
+    epoch, snapshot, cells = (result.get_value(0, k) or b"" for k in range(3))
     if not cells:
         return Look(epoch.decode(), snapshot.decode(), [])
     numbers = [int(number) for number in _NUMBER.findall(cells)]
@@ -220,8 +222,8 @@ async def kept_or_made(
     statement = _KEPT_OR_MADE.format(tile=_tile(at, full_zoom))
     cursor = connection.cursor(binary=True)
     await cursor.execute(statement, {**at._asdict(), "tag": tag, "most": NO_LIMIT})
-    found: Any = await cursor.fetchone()
-    return found[0], found[1] or b""
+    row: Any = await cursor.fetchone()
+    return row[0], row[1] or b""
 
 
 async def most_important(connection: Connection, at: Address, most: int | None) -> tuple[bytes, int]:
@@ -232,16 +234,16 @@ async def most_important(connection: Connection, at: Address, most: int | None) 
     statement = _MADE_AGAIN.format(tile=_COUNTED.format(layer=at.layer, features=features))
     cursor = connection.cursor(binary=True)
     await cursor.execute(statement, {**at._asdict(), "most": most})
-    found: Any = await cursor.fetchone()
-    return found[0] or b"", found[1]
+    row: Any = await cursor.fetchone()
+    return row[0] or b"", row[1]
 
 
 async def specks(connection: Connection, at: Address) -> bytes:
     """The tile of a low zoom in which no road is long enough to be seen; empty where there are none."""
     cursor = connection.cursor(binary=True)
     await cursor.execute(_SPECKS.format(level=drawn_level(at.z)), at._asdict())
-    found: Any = await cursor.fetchone()
-    return found[0] or b""
+    row: Any = await cursor.fetchone()
+    return row[0] or b""
 
 
 async def keep(connection: Connection, at: Address, tag: str, body: bytes) -> None:
@@ -273,16 +275,16 @@ def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM,
     values = {**at._asdict(), "most": NO_LIMIT}
     # In an order, so that equal data make equal bytes.
     tile = _tile(at, full_zoom, order=" ORDER BY id")
-    ((found,),) = fetch_binary(session, _MADE_AGAIN.format(tile=tile), values)
-    if not found and layer == SEGMENTS and z < full_zoom:
-        ((found,),) = fetch_binary(session, _SPECKS.format(level=drawn_level(z)), values)
-    return bytes(found or b"")
+    ((tile_bytes,),) = fetch_binary(session, _MADE_AGAIN.format(tile=tile), values)
+    if not tile_bytes and layer == SEGMENTS and z < full_zoom:
+        ((tile_bytes,),) = fetch_binary(session, _SPECKS.format(level=drawn_level(z)), values)
+    return bytes(tile_bytes or b"")
 
 
 def drop_tiles(session: Session, boxes: Sequence[Bounds]) -> None:
     """Keep no tile any more that meets one of these boxes, degrees: whoever asks for it has it built anew."""
     ranges = [
-        (z, *sorted((_column(z, west), _column(z, east))), *sorted((_row(z, north), _row(z, south))))
+        (z, *sorted((column_of(z, west), column_of(z, east))), *sorted((row_of(z, north), row_of(z, south))))
         for west, south, east, north in boxes
         for z in range(DEEPEST_KEPT + 1)
     ]
@@ -290,13 +292,15 @@ def drop_tiles(session: Session, boxes: Sequence[Bounds]) -> None:
     send_binary(session, _DROP, {**dict(named), "layers": [SEGMENTS, WAYS]})
 
 
-def _column(z: int, lon_deg: float) -> int:
+def column_of(z: int, lon_deg: float) -> int:
+    """The column of a zoom that a longitude lies in."""
     return min(max(int((lon_deg + 180) / 360 * (1 << z)), 0), (1 << z) - 1)
 
 
-def _row(z: int, lat_deg: float) -> int:
-    north = math.asinh(math.tan(math.radians(min(max(lat_deg, -85.0), 85.0)))) / math.pi
-    return min(max(int((1 - north) / 2 * (1 << z)), 0), (1 << z) - 1)
+def row_of(z: int, lat_deg: float) -> int:
+    """The row of a zoom that a latitude lies in; the first or last one beyond the map's edge."""
+    bounded = math.radians(min(max(lat_deg, -EDGE_DEG), EDGE_DEG))
+    return min(max(int((1 - math.asinh(math.tan(bounded)) / math.pi) / 2 * (1 << z)), 0), (1 << z) - 1)
 
 
 def drawn_level(z: int) -> int:

@@ -72,10 +72,10 @@ class _Memory:
     tiles: OrderedDict[Address, Tile] = field(default_factory=OrderedDict)
 
     def get(self, at: Address) -> Tile | None:
-        found = self.tiles.get(at)
-        if found is not None:
+        tile = self.tiles.get(at)
+        if tile is not None:
             self.tiles.move_to_end(at)
-        return found
+        return tile
 
     def put(self, at: Address, tile: Tile) -> None:
         former = self.tiles.pop(at, None)
@@ -170,12 +170,12 @@ class Tiles:
 
     async def note(self) -> None:
         """Tell the database what was asked for, and have it take away what is too much."""
-        told, self._untold = self._untold, Counter()
+        counts, self._untold = self._untold, Counter()
         self._asked = Counter({at: n // 2 for at, n in self._asked.items() if n > 1})
 
         async def work(connection: Connection) -> int:
-            if told:
-                await store.note_asked(connection, told)
+            if counts:
+                await store.note_asked(connection, counts)
             return await store.clean(connection, self.settings.tiles_stored_bytes)
 
         gone = await self._builders.run(work)
@@ -244,9 +244,9 @@ class Tiles:
         try:
             async with connection.transaction():
                 await store.lock_tile(connection, at)
-                kept, data = await store.kept_or_made(connection, at, etag, self.settings.tile_full_zoom)
-                if kept is not None:
-                    return kept
+                stored, data = await store.kept_or_made(connection, at, etag, self.settings.tile_full_zoom)
+                if stored is not None:
+                    return stored
                 body = await self._built(connection, at, data)
                 if body and at.layer != WAYS:
                     await store.keep(connection, at, etag, body)

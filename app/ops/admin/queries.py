@@ -206,7 +206,7 @@ for _query in (
             "slope_percent": "Published",
             "slope_sigma_percent": "Its sigma",
             "drives": "Drives behind it",
-            "drives_rejected": "Drives that are rejected",
+            "drives_rejected": "Drives that are rejected there",
             "lowest_percent": "The least that any drive says",
             "highest_percent": "The most",
             "farthest_sigmas": "How far from the published slope the farthest is, in its own sigmas",

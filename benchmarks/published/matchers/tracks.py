@@ -100,16 +100,16 @@ def longest_common(a: Ints, b: Ints, weight: Floats) -> float:
     """Greatest total weight of a common subsequence of a and b; ``weight`` by value."""
     best = np.zeros(len(b) + 1)
     for value in a:
-        taken = np.where(b == value, best[:-1] + weight[value], 0.0)
-        best[1:] = np.maximum(best[1:], taken)
+        score = np.where(b == value, best[:-1] + weight[value], 0.0)
+        best[1:] = np.maximum(best[1:], score)
         np.maximum.accumulate(best, out=best)
     return float(best[-1])
 
 
 def error(track: Track, matched: Ints) -> float:
     """E = (missed + added) / true length: Newson & Krumm 2009, aware of order, direction and repeats."""
-    true, got = collapse(track.same[track.route]), collapse(track.same[matched])
+    true, answer = collapse(track.same[track.route]), collapse(track.same[matched])
     length = track.arc_length_m
-    common = longest_common(true, got, length)
-    whole = float(length[true].sum())
-    return (whole - common + float(length[got].sum()) - common) / whole
+    common = longest_common(true, answer, length)
+    true_m = float(length[true].sum())
+    return (true_m - common + float(length[answer].sum()) - common) / true_m

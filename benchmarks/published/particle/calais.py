@@ -112,18 +112,18 @@ def run(seeds: int, progress: Progress) -> list[Row]:
 
 def measure(scene: Scene, case: Case) -> Figures:
     """Errors of one run, and its differences from GNSS alone."""
-    got = estimate(scene, case.method, case.options, case.raster)
+    estimated = estimate(scene, case.method, case.options, case.raster)
     best = best_altitude_std_m(scene.drive.receiver, scene.drive.seed)
-    alone = beside(got, gnss_alone(scene, case.velocity))
-    return {**against_truth(scene, got), **alone, "altitude, best possible std": best}
+    alone = beside(estimated, gnss_alone(scene, case.velocity))
+    return {**against_truth(scene, estimated), **alone, "altitude, best possible std": best}
 
 
 def _harsh(scene: Scene, case: Case, seed: int) -> Figures:
     """Altitude with the harsher receiver."""
-    found, name = measure(scene, case), f"position U, std, receiver {HARSH_RECEIVER}"
+    measured, name = measure(scene, case), f"position U, std, receiver {HARSH_RECEIVER}"
     return {
-        name: found["position U, std"],
-        f"{name}, beside GNSS alone": found["position U, std, beside GNSS alone"],
+        name: measured["position U, std"],
+        f"{name}, beside GNSS alone": measured["position U, std, beside GNSS alone"],
         f"altitude, best possible std, receiver {HARSH_RECEIVER}": best_altitude_std_m(HARSH_RECEIVER, seed),
     }
 

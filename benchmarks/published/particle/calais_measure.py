@@ -79,12 +79,12 @@ def estimate(
     scene: Scene, method: str, options: Mapping[str, Any], raster: str | None, log: DriveLog | None = None
 ) -> Estimated:
     """Run a method as the product does, and keep the filter's states, of which a track holds only a part."""
-    module, kept = _MODULES[method], []
+    module, states = _MODULES[method], []
     prepare = module.prepare
 
     def keep(*args: Any) -> Any:
-        kept.append(prepare(*args))
-        return kept[0]
+        states.append(prepare(*args))
+        return states[0]
 
     with mock.patch.object(module, "prepare", keep):
         result = METHODS[method].estimate(
@@ -94,7 +94,7 @@ def estimate(
             parse_options(method, options),
             no_progress,
         )
-    run = kept[0][0] if isinstance(kept[0], tuple) else kept[0]
+    run = states[0][0] if isinstance(states[0], tuple) else states[0]
     share = result.report.get("resampled_share", math.nan)
     return Estimated(result, run.rows.state[run.rows.done], float(share))
 
@@ -112,12 +112,12 @@ def gnss_alone(scene: Scene, velocity: bool) -> Estimated:
     return estimate(scene, "particle", options, None, log)
 
 
-def against_truth(scene: Scene, got: Estimated) -> Figures:
+def against_truth(scene: Scene, estimated: Estimated) -> Figures:
     """Errors of a run, by quantity, units as in the tables."""
-    track, truth = got.result.track, _truth(scene, got)
+    track, truth = estimated.result.track, _truth(scene, estimated)
     out = {
-        **_spread("acceleration", got.state[:, AX::3] - truth.acceleration_mps2),
-        **_spread("velocity", got.state[:, VX::3] - truth.velocity_mps),
+        **_spread("acceleration", estimated.state[:, AX::3] - truth.acceleration_mps2),
+        **_spread("velocity", estimated.state[:, VX::3] - truth.velocity_mps),
     }
     x, y = scene.town.projection.to_xy(track.lon_deg, track.lat_deg)
     error = np.column_stack([x - truth.x_m, y - truth.y_m, track.alt_m - truth.z_m])
@@ -129,16 +129,19 @@ def against_truth(scene: Scene, got: Estimated) -> Figures:
     out |= _spread_of("pitch", (track.pitch_rad - np.arctan(truth.grade))[moving])
     out["altitude, the filter's own sigma"] = float(np.median(track.alt_sigma_m))
     return (
-        out | _matches(track.segment, truth) | {"epochs resampled": 100 * got.resampled} | _slopes(scene, got)
+        out
+        | _matches(track.segment, truth)
+        | {"epochs resampled": 100 * estimated.resampled}
+        | _slopes(scene, estimated)
     )
 
 
-def beside(got: Estimated, reference: Estimated) -> Figures:
+def beside(estimated: Estimated, reference: Estimated) -> Figures:
     """Differences of a run from the reference over GNSS alone."""
-    difference = got.state - reference.state
-    turns = wrap_angle(got.result.track.heading_rad - reference.result.track.heading_rad)
-    moving = got.result.track.speed_mps > _MOVING_MPS
-    pitch = got.result.track.pitch_rad - reference.result.track.pitch_rad
+    difference = estimated.state - reference.state
+    turns = wrap_angle(estimated.result.track.heading_rad - reference.result.track.heading_rad)
+    moving = estimated.result.track.speed_mps > _MOVING_MPS
+    pitch = estimated.result.track.pitch_rad - reference.result.track.pitch_rad
     figures = {
         **_spread("acceleration", difference[:, AX::3]),
         **_spread("velocity", difference[:, VX::3]),
@@ -176,8 +179,8 @@ def best_altitude_std_m(receiver: str, seed: int, epochs: int = 549, draws: int 
     return float(np.median(np.std(errors, axis=0)))
 
 
-def _truth(scene: Scene, got: Estimated) -> MotionState:
-    return scene.drive.motion.at(got.result.track.time_s - scene.drive.start_time_s)
+def _truth(scene: Scene, estimated: Estimated) -> MotionState:
+    return scene.drive.motion.at(estimated.result.track.time_s - scene.drive.start_time_s)
 
 
 def _spread(quantity: str, errors: Floats) -> Figures:
@@ -200,10 +203,10 @@ def _matches(segment: Ints, truth: MotionState) -> Figures:
     }
 
 
-def _slopes(scene: Scene, got: Estimated) -> Figures:
+def _slopes(scene: Scene, estimated: Estimated) -> Figures:
     """How many driven segments got a slope, and how good the slopes are."""
     driven = {p.segment for p in scene.drive.passes()}
-    slopes = [s for s in got.result.slopes if s.segment in driven]
+    slopes = [s for s in estimated.result.slopes if s.segment in driven]
     segment = np.array([s.segment for s in slopes], np.int64)
     value = np.array([s.slope_percent for s in slopes])
     sigma = np.array([s.slope_sigma_percent for s in slopes])

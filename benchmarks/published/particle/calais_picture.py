@@ -29,16 +29,16 @@ def draw(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         scene = Scene.make(SEED, RECEIVER, Path(folder))
         case = CASES[2]
-        got = estimate(scene, case.method, {**case.options, "filter": "ekf"}, case.raster)
+        estimated = estimate(scene, case.method, {**case.options, "filter": "ekf"}, case.raster)
         figure = Figure(figsize=(9.0, 9.4), layout="constrained")
         board, profile = figure.subplots(2, 1, height_ratios=(3.2, 1.0))
-        _draw_map(board, scene, got)
-        _draw_heights(profile, scene, got, case.raster)
+        _draw_map(board, scene, estimated)
+        _draw_heights(profile, scene, estimated, case.raster)
     FigureCanvasAgg(figure).print_figure(path, dpi=80)
 
 
-def _draw_map(axes: Axes, scene: Scene, got: Estimated) -> None:
-    town, track = scene.town, got.result.track
+def _draw_map(axes: Axes, scene: Scene, estimated: Estimated) -> None:
+    town, track = scene.town, estimated.result.track
     for highway, (colour, width) in _COLOURS.items():
         of = np.flatnonzero(town.roads.highway == highway)
         ends = np.stack(
@@ -55,8 +55,8 @@ def _draw_map(axes: Axes, scene: Scene, got: Estimated) -> None:
     axes.legend(loc="upper left", fontsize=8, framealpha=1.0)
 
 
-def _draw_heights(axes: Axes, scene: Scene, got: Estimated, raster: str) -> None:
-    track, drive = got.result.track, scene.drive
+def _draw_heights(axes: Axes, scene: Scene, estimated: Estimated, raster: str) -> None:
+    track, drive = estimated.result.track, scene.drive
     truth = drive.motion.at(track.time_s - drive.start_time_s)
     ground = scene.dems[raster].heights(track.lon_deg, track.lat_deg)
     bias = float(np.mean(track.alt_m - truth.z_m))

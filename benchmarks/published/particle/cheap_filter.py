@@ -129,9 +129,9 @@ def differences(one: Slopes, other: Slopes) -> Floats:
 
 def errors(drive: Drive, slopes: Slopes) -> tuple[Floats, Floats]:
     """Errors and sigmas on the segments whose truth is known."""
-    known = [key for key in slopes if key in drive.truth]
-    slope, sigma = np.array([slopes[key] for key in known]).T
-    return slope - np.array([drive.truth[key] for key in known]), sigma
+    keys = [key for key in slopes if key in drive.truth]
+    slope, sigma = np.array([slopes[key] for key in keys]).T
+    return slope - np.array([drive.truth[key] for key in keys]), sigma
 
 
 def rms(values: Floats) -> float:
@@ -139,22 +139,24 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def row_of(name: str, drives: list[Drive], found: list[list[Slopes]], clouds: list[list[Slopes]]) -> Figures:
+def row_of(
+    name: str, drives: list[Drive], estimates: list[list[Slopes]], clouds: list[list[Slopes]]
+) -> Figures:
     """Accuracy of one filter: ``found`` by drive and filter seed, beside the ``clouds``."""
     scores = np.array(
-        [[rms(errors(d, s)[0]) for s in runs] for d, runs in zip(drives, found, strict=True)]
+        [[rms(errors(d, s)[0]) for s in runs] for d, runs in zip(drives, estimates, strict=True)]
     )  # drives, filter seeds
     inside = [
         np.abs(e) <= 1.96 * sigma
-        for d, runs in zip(drives, found, strict=True)
+        for d, runs in zip(drives, estimates, strict=True)
         for e, sigma in (errors(d, s) for s in runs)
     ]
-    other_seed = [differences(runs[0], run) for runs in found for run in runs[1:]]
+    other_seed = [differences(runs[0], run) for runs in estimates for run in runs[1:]]
     mean_clouds = [
         {key: (float(np.mean([run[key][0] for run in runs if key in run])), 0.0) for key in runs[0]}
         for runs in clouds
     ]
-    from_clouds = [differences(runs[0], mean) for runs, mean in zip(found, mean_clouds, strict=True)]
+    from_clouds = [differences(runs[0], mean) for runs, mean in zip(estimates, mean_clouds, strict=True)]
     return {
         "filter": name,
         "rmse_percent": float(scores.mean()),
@@ -178,7 +180,7 @@ def run(args: argparse.Namespace) -> list[Figures]:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for road, drives in roads_of(args, Path(folder)):
-            found = {n: [[slopes_of(d, o)[0] for o in options[n]] for d in drives] for n in names}
+            estimates = {n: [[slopes_of(d, o)[0] for o in options[n]] for d in drives] for n in names}
             rounds = [
                 {
                     n: (slopes_of(drives[0], options[n][0])[1], filter_seconds(drives[0], options[n][0]))
@@ -187,7 +189,7 @@ def run(args: argparse.Namespace) -> list[Figures]:
                 for _ in range(args.rounds)
             ]
             for name in names:
-                row = {"road": road, **row_of(name, drives, found[name], found[CLOUD])}
+                row = {"road": road, **row_of(name, drives, estimates[name], estimates[CLOUD])}
                 row["seconds"] = statistics.median(r[name][0] for r in rounds)
                 row["seconds_per_epoch"] = statistics.median(r[name][1] for r in rounds)
                 rows.append(row)

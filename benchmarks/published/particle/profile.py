@@ -32,7 +32,7 @@ PARTS = {
 @contextmanager
 def timed_parts(seconds: dict[str, float], cloud: particle_filter.ParticleCloud) -> Iterator[None]:
     """Add up in ``seconds`` what each part takes while the context lasts."""
-    whole = {name: getattr(particle_filter, name) for name in PARTS}
+    originals = {name: getattr(particle_filter, name) for name in PARTS}
     resample = cloud._resample
 
     def timed(name: str, call: Callable[..., object]) -> Callable[..., object]:
@@ -45,12 +45,12 @@ def timed_parts(seconds: dict[str, float], cloud: particle_filter.ParticleCloud)
         return wrapper
 
     try:
-        for name, call in whole.items():
+        for name, call in originals.items():
             setattr(particle_filter, name, timed(PARTS[name], call))
         cloud._resample = timed("resampling", resample)  # type: ignore[assignment]
         yield
     finally:
-        for name, call in whole.items():
+        for name, call in originals.items():
             setattr(particle_filter, name, call)
         cloud._resample = resample
 

@@ -67,20 +67,26 @@ def log_of(drive: SimulatedDrive, canyon: CanyonDrive, gnss: str, *, odometer: b
 
 def outcome(town: Town, drive: SimulatedDrive, log: DriveLog, gnss: str) -> tuple[Errors, float, float]:
     """Errors of slopes, mean horizontal error of the positions (m), share of epochs laid on a wrong road."""
-    found = positioned(log, gnss)
+    computed = positioned(log, gnss)
     options = parse_options(DEFAULT_METHOD, {"gnss": gnss})
-    network, result = run_drive(found, town.roads, None, options=options)
+    network, result = run_drive(computed, town.roads, None, options=options)
     rows = rows_of(town.roads, network.table)
-    one = Namespace(rows=rows, result=result, epoch_s=found.log.fix.time_s)
+    one = Namespace(rows=rows, result=result, epoch_s=computed.log.fix.time_s)
     parts = solve_network(town.roads, None, [one]).parts
-    whole = {p.segment for p in drive.passes() if p.driven_m >= LEAST_DRIVEN * town.roads.length_m[p.segment]}
+    driven = {
+        p.segment for p in drive.passes() if p.driven_m >= LEAST_DRIVEN * town.roads.length_m[p.segment]
+    }
     length = town.roads.length_m
     truth = {
         _key(row): TrueSlope(float(town.true_slope_percent[row]), float(length[row]), float(length[row]))
-        for row in whole
+        for row in driven
     }
-    got = {_key(row): (part[0].slope_percent, part[0].slope_sigma_percent) for row, part in parts.items()}
-    return Errors.of(truth, got), *_places(drive, found.log.fix, rows[result.track.segment], result.track)
+    estimates = {
+        _key(row): (part[0].slope_percent, part[0].slope_sigma_percent) for row, part in parts.items()
+    }
+    return Errors.of(truth, estimates), *_places(
+        drive, computed.log.fix, rows[result.track.segment], result.track
+    )
 
 
 def _key(row: int) -> tuple[int, int, int]:

@@ -129,14 +129,14 @@ def _self_tuned(
             if smoothed
             else (begin + RENEWED_S - WINDOW_S, begin + RENEWED_S)
         )
-        seen = off[(time_s >= low) & (time_s < high) & np.isfinite(off)]
-        if now.any() and len(seen) >= 30:
-            weights[now], offset[now] = _mixture(seen, np.nan_to_num(off[now]))
+        residuals = off[(time_s >= low) & (time_s < high) & np.isfinite(off)]
+        if now.any() and len(residuals) >= 30:
+            weights[now], offset[now] = _mixture(residuals, np.nan_to_num(off[now]))
             weights[now] *= variance[now]  # as a share of the nominal information
     return np.maximum(weights, 1e-6), offset
 
 
-def _mixture(seen: Floats, at: Floats) -> tuple[Floats, Floats]:
+def _mixture(residuals: Floats, at: Floats) -> tuple[Floats, Floats]:
     """EM on residuals; information (1/m2) and offset (m) at others. The first Gaussian keeps the mean 0."""
     share = np.full(_COMPONENTS, 1 / _COMPONENTS)
     mean, sigma = np.array([0.0, 10.0, 40.0]), np.array([3.0, 15.0, 40.0])
@@ -147,11 +147,11 @@ def _mixture(seen: Floats, at: Floats) -> tuple[Floats, Floats]:
         return np.asarray(dense / dense.sum(axis=1, keepdims=True))
 
     for _ in range(_EM_ROUNDS):
-        part = belong(seen)
+        part = belong(residuals)
         count = part.sum(axis=0) + 1.0
         share = count / count.sum()
-        mean = np.where(np.arange(_COMPONENTS) > 0, (part * seen[:, None]).sum(axis=0) / count, 0.0)
-        square = (part * (seen[:, None] - mean) ** 2).sum(axis=0)
+        mean = np.where(np.arange(_COMPONENTS) > 0, (part * residuals[:, None]).sum(axis=0) / count, 0.0)
+        square = (part * (residuals[:, None] - mean) ** 2).sum(axis=0)
         sigma = np.sqrt((square + 4.0) / count)
         sigma = np.maximum(sigma, 1.0)
     part = belong(at) / sigma**2

@@ -33,9 +33,9 @@ def errors(scene: Scene, solution: Solution) -> tuple[Floats, Floats, Floats]:
     off = (solution.position_m - scene.truth_m) @ axes.T
     covariance = (axes @ solution.covariance[:, :3, :3] @ axes.T)[:, :2, :2]
     normal = np.full(len(off), np.nan)
-    known = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(off).all(axis=1)
-    solved = np.linalg.solve(covariance[known], off[known, :2, None])[..., 0]
-    normal[known] = np.sum(off[known, :2] * solved, axis=1)
+    has_sigma = np.isfinite(covariance).all(axis=(1, 2)) & np.isfinite(off).all(axis=1)
+    solved = np.linalg.solve(covariance[has_sigma], off[has_sigma, :2, None])[..., 0]
+    normal[has_sigma] = np.sum(off[has_sigma, :2] * solved, axis=1)
     return off, normal, np.sqrt(np.trace(covariance, axis1=1, axis2=2))
 
 

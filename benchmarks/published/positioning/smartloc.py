@@ -117,8 +117,8 @@ def _lines(folder: Path) -> tuple[Floats, Floats]:
 
 
 def _identities(ranges: Floats) -> tuple[Floats, Floats]:
-    known = [_SYSTEMS[int(kind)] for kind in ranges[:, 7]]
-    systems, raised = np.array(known, np.int64).T
+    letters = [_SYSTEMS[int(kind)] for kind in ranges[:, 7]]
+    systems, raised = np.array(letters, np.int64).T
     return systems, ranges[:, 6].astype(np.int64) - raised
 
 

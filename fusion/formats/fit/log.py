@@ -8,7 +8,7 @@ What is read, and what not, by message of the FIT profile:
   here already, by filters that nobody states.
 - ``gps_metadata`` (cameras): position, and velocity east, north and up, several times a second.
 - ``barometer_data``: pressure, each sample at its own time. ``absolute_pressure`` of records counts only beside no
-  altitude, which is made of it: the same barometer would be two witnesses.
+  altitude, which is made of it: the same barometer would count twice.
 - ``event``: where the timer was stopped and started, nothing was recorded in between, and there is a gap.
 - ``accelerometer_data`` and ``gyroscope_data``: calibrated samples along the device's axes; how these lie in the
   vehicle is told from the drive, as for phones. Counts of a converter (beside ``three_d_sensor_calibration``) are not

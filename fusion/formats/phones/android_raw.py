@@ -159,11 +159,7 @@ def _usable(col: _Columns, system: Ints, number: Ints, table: Table, notes: Note
         ("raw measurements whose time of transmission is not known",
          ((state & time_decoded) == 0) | ((state & _MSEC_AMBIGUOUS) != 0)),
     )  # fmt: skip
-    good = np.ones(len(table), bool)
-    for reason, bad in faults:
-        hit = np.flatnonzero(bad & good)
-        good &= ~bad
-        notes.skip(reason, len(hit))
+    good = notes.sift(faults)
     if len(table) and not good.any():
         notes.first_offender = (
             notes.first_offender or f"{table.place(0)}: no Raw line has a usable measurement"

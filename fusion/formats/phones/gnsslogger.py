@@ -16,20 +16,19 @@ from fusion.formats.base import (
     MAX_TIME_S,
     MIN_TIME_S,
     Data,
+    EitherWay,
     Notes,
     build_log,
-    ground_velocity,
+    fix_and_velocity,
     usable_positions,
 )
 from fusion.formats.phones.android_raw import MEASURED, measured
 from fusion.formats.phones.log_lines import LogLines, Table
-from fusion.signals import Navigation, RawGnss
+from fusion.signals import RawGnss
 from fusion.types import (
     DeviceMotion,
     DriveLog,
     Floats,
-    GnssFix,
-    GnssVelocity,
     Pressure,
     Progress,
     SensorTable,
@@ -39,10 +38,10 @@ from fusion.types import (
 _FIX: dict[str, tuple[str, ...]] = {
     "lat_deg": ("LatitudeDegrees", "Latitude"),
     "lon_deg": ("LongitudeDegrees", "Longitude"),
-    "height_m": ("AltitudeMeters", "Altitude"),
+    "height_ell_m": ("AltitudeMeters", "Altitude"),
     "speed_mps": ("SpeedMps", "Speed"),
     "h_acc_m": ("AccuracyMeters", "Accuracy"),
-    "bearing_deg": ("BearingDegrees", "Bearing"),
+    "course_deg": ("BearingDegrees", "Bearing"),
     "time_ms": ("UnixTimeMillis", "(UTC)TimeInMs", "UTCTimeInMs"),
     "s_acc_mps": ("SpeedAccuracyMps",),
     "v_acc_m": ("VerticalAccuracyMeters",),
@@ -69,7 +68,7 @@ def has_log_header(head: bytes) -> bool:
     return _HEADER.search(head[:65536]) is not None
 
 
-class GnssLoggerFormat:
+class GnssLoggerFormat(EitherWay):
     """Recognised by the header that names the columns of ``Raw`` or ``Fix`` lines."""
 
     name = "gnsslogger"
@@ -88,19 +87,8 @@ class GnssLoggerFormat:
         """See ``LogFormat``."""
         return has_log_header(head)
 
-    def read(self, data: Data, progress: Progress) -> DriveLog:
-        """See ``LogFormat``."""
-        return self._read(data, progress, part=False)
-
-    def comes_first(self, head: bytes) -> bool:
-        """See ``PartFormat``."""
-        return False
-
-    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
-        """See ``PartFormat``."""
-        return self._read(data, progress, part=True)
-
-    def _read(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+    def read_file(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+        """See ``EitherWay``."""
         notes = Notes()
         lines = LogLines(bytes(data))
         progress("read lines", 0.1)
@@ -143,25 +131,13 @@ def _fixes(lines: LogLines, notes: Notes) -> dict[str, SensorTable]:
 
 
 def _positions(table: Table, notes: Notes) -> dict[str, SensorTable]:
-    col = {ours: _first_known(table, variants) for ours, variants in _FIX.items()}
-    time_s = col["time_ms"] / 1000.0
+    col = {ours: _first_present(table, variants) for ours, variants in _FIX.items()}
+    time_s = col.pop("time_ms") / 1000.0
     good = usable_positions(time_s, col["lat_deg"], col["lon_deg"], notes, table.place)
-    time_s, col = time_s[good], {name: column[good] for name, column in col.items()}
-    for name in ("h_acc_m", "v_acc_m", "s_acc_mps"):
-        col[name] = np.where(col[name] > 0, col[name], np.nan)  # 0 is written for unknown
-    north, east = ground_velocity(col["speed_mps"], np.radians(col["bearing_deg"]))
-    moving = np.isfinite(north)
-    fix = GnssFix.assemble(
-        time_s, notes.repaired, lat_deg=col["lat_deg"], lon_deg=col["lon_deg"], height_ell_m=col["height_m"],
-        h_acc_m=col["h_acc_m"], v_acc_m=col["v_acc_m"],
-    )  # fmt: skip
-    velocity = GnssVelocity.assemble(
-        time_s[moving], vel_n_mps=north[moving], vel_e_mps=east[moving], s_acc_mps=col["s_acc_mps"][moving]
-    )
-    return {"fix": fix, "velocity": velocity}
+    return fix_and_velocity(time_s[good], {name: column[good] for name, column in col.items()}, notes)
 
 
-def _first_known(table: Table, names: tuple[str, ...]) -> Floats:
+def _first_present(table: Table, names: tuple[str, ...]) -> Floats:
     present = [table.columns[name] for name in names if name in table.columns]
     return present[0].astype(float) if present else np.full(len(table), np.nan)
 
@@ -181,7 +157,7 @@ def _pressure(lines: LogLines, notes: Notes) -> Pressure:
     for kind in _PRESSURES:
         table = lines.table(kind, (*_CLOCK, *_PRESSURE_COLUMNS), notes)
         if table is not None and len(table):
-            value = _first_known(table, _PRESSURE_COLUMNS)
+            value = _first_present(table, _PRESSURE_COLUMNS)
             return Pressure.assemble(_sensor_times(table, notes), None, pressure_pa=value * 100)
     return Pressure.empty()
 

@@ -1,8 +1,9 @@
-"""How a phone lies in its vehicle, told from what it felt on the drive: which way is up, and which way is forward.
+"""How a phone lies in its vehicle, estimated from its inertial sensors: which way is up, and which way is forward.
 
 Up is where the specific force points on the whole; forward is the level direction in which it grows when the speed by
-GNSS does, and left that in which it grows in bends to the left. What is not clear is not used: forces along a wrong
-axis would be taken for slopes. Some devices state forces with the opposite sign; then bends lie on the wrong side.
+GNSS does, and left that in which it grows in bends to the left. Where this is not clear, the sensors are not used:
+forces along a wrong axis would be taken for slopes. Some devices state forces with the opposite sign; then bends lie
+on the wrong side.
 
 A tilt that is left (a mean slope, a mean acceleration) is one more mount pitch, which the methods estimate.
 """
@@ -17,7 +18,6 @@ import numpy as np
 from fusion.types import AngularRate, Bools, DeviceMotion, DriveLog, Floats, Ints, SpecificForce, ThreeAxes
 
 STANDARD_GRAVITY = 9.80665
-_SLOT_S = 0.2
 _BLOCK_S = 20.0
 """Slopes and biases hardly change in this time: level directions are compared within it."""
 _UP_BLOCK_S = 60.0

@@ -20,32 +20,39 @@ from fusion.formats.base import (
     MAX_TIME_S,
     MIN_TIME_S,
     Data,
+    EitherWay,
     Notes,
     build_log,
-    ground_velocity,
+    fix_and_velocity,
     usable_positions,
 )
 from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_header import Schema, delimiter_of, first_line, from_utf16, header_cells, layout_of
+from fusion.formats.csv_header import (
+    Schema,
+    delimiter_of,
+    first_line,
+    from_utf16,
+    header_cells,
+    layout_of,
+    text_head,
+)
 from fusion.formats.csv_names import Known, known_columns
 from fusion.formats.time_texts import of_epoch
-from fusion.signals import Navigation
 from fusion.types import (
     DeviceMotion,
     DriveLog,
     Floats,
-    GnssFix,
-    GnssVelocity,
     Pressure,
     Progress,
     SensorTable,
     ThreeAxes,
 )
 
-_LOCATION = (
-    "latitude", "longitude", "altitude", "altitudeabovemeansealevel", "speed", "bearing", "horizontalaccuracy",
-    "verticalaccuracy", "speedaccuracy",
-)  # fmt: skip
+_LOCATION = {
+    "latitude": "lat_deg", "longitude": "lon_deg", "altitude": "height_ell_m",
+    "altitudeabovemeansealevel": "alt_msl_m", "speed": "speed_mps", "bearing": "course_deg",
+    "horizontalaccuracy": "h_acc_m", "verticalaccuracy": "v_acc_m", "speedaccuracy": "s_acc_mps",
+}  # fmt: skip
 _COLUMNS = ("time", *_LOCATION, "pressure", "x", "y", "z")
 _MOTION = {"accelerometer": "moved", "gravity": "gravity", "totalacceleration": "force", "gyroscope": "rate"}
 """File -> what it is in ``DeviceMotion``."""
@@ -61,7 +68,7 @@ def is_sensor_logger(line: bytes) -> bool:
 
 
 @dataclass(frozen=True)
-class SensorLoggerFormat:
+class SensorLoggerFormat(EitherWay):
     """Recognised by the columns that all of the app's files have."""
 
     file: str = ""
@@ -78,26 +85,14 @@ class SensorLoggerFormat:
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        head = from_utf16(head[: len(head) // 2 * 2]) if head[:1] in (b"\xff", b"\xfe") else head
-        return is_sensor_logger(first_line(head)[2])
+        return is_sensor_logger(first_line(text_head(head))[2])
 
     def with_name(self, name: str) -> Self:
         """See ``NamedFileFormat``."""
         return replace(self, file=PurePath(name.lower().removesuffix(".gz")).stem)
 
-    def read(self, data: Data, progress: Progress) -> DriveLog:
-        """See ``LogFormat``."""
-        return self._read(data, progress, part=False)
-
-    def comes_first(self, head: bytes) -> bool:
-        """See ``PartFormat``."""
-        return False
-
-    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
-        """See ``PartFormat``."""
-        return self._read(data, progress, part=True)
-
-    def _read(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+    def read_file(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+        """See ``EitherWay``."""
         notes = Notes()
         text = from_utf16(bytes(data))
         cells = header_cells(first_line(text)[2], ",")
@@ -129,7 +124,7 @@ class SensorLoggerFormat:
 
 
 def _columns(text: bytes, notes: Notes, progress: Progress) -> tuple[dict[str, Floats], list[Block]]:
-    schema = Schema(_COLUMNS, lambda found: [], clocks=frozenset(), understood=_understood)
+    schema = Schema(_COLUMNS, lambda columns: [], clocks=frozenset(), understood=_understood)
     blocks = []
     for block, share in read_blocks(text, layout_of(text, notes, schema), notes):
         blocks.append(block)
@@ -161,26 +156,11 @@ def _positions(
     time_s: Floats, col: dict[str, Floats], blocks: list[Block], notes: Notes
 ) -> dict[str, SensorTable]:
     """Positions and velocities; what is below 0 stands for unknown."""
-    lat, lon = col["latitude"], col["longitude"]
-    good = usable_positions(time_s, lat, lon, notes, lambda row: _place(blocks, row))
-    time_s, col = time_s[good], {name: value[good] for name, value in col.items()}
-    for name in ("horizontalaccuracy", "verticalaccuracy", "speedaccuracy"):
-        col[name] = np.where(col[name] > 0, col[name], np.nan)
-    for name in ("speed", "bearing"):
-        col[name] = np.where(col[name] >= 0, col[name], np.nan)
-    north, east = ground_velocity(col["speed"], np.radians(col["bearing"]))
-    moving = np.isfinite(north)
-    fix = GnssFix.assemble(
-        time_s, notes.repaired, lat_deg=col["latitude"], lon_deg=col["longitude"], height_ell_m=col["altitude"],
-        alt_msl_m=col["altitudeabovemeansealevel"], h_acc_m=col["horizontalaccuracy"], v_acc_m=col["verticalaccuracy"],
-    )  # fmt: skip
-    velocity = GnssVelocity.assemble(
-        time_s[moving],
-        vel_n_mps=north[moving],
-        vel_e_mps=east[moving],
-        s_acc_mps=col["speedaccuracy"][moving],
-    )
-    return {"fix": fix, "velocity": velocity}
+    good = usable_positions(time_s, col["latitude"], col["longitude"], notes, lambda row: _place(blocks, row))
+    columns = {ours: col[theirs][good] for theirs, ours in _LOCATION.items()}
+    for name in ("speed_mps", "course_deg"):
+        columns[name] = np.where(columns[name] >= 0, columns[name], np.nan)
+    return fix_and_velocity(time_s[good], columns, notes)
 
 
 def _sane(time_s: Floats, notes: Notes) -> Floats:

@@ -80,7 +80,7 @@ def ubx_tables(
     """
     evidence = utc_evidence(stream)
     if dated and not np.any(evidence.trust > 0):
-        evidence = _borrowed(stream, fallback)
+        evidence = _evidence_from_nmea(stream, fallback)
     clock = WeekClock(evidence, notes)
     tables: dict[str, SensorTable] = {}
     for name in ("NAV-PVT", "HNR-PVT"):
@@ -121,7 +121,7 @@ def utc_evidence(stream: Stream) -> Evidence:
     return Evidence(offset[trusted], itow_s[trusted], utc_s[trusted], trust[trusted])
 
 
-def _borrowed(stream: Stream, marks: Marks) -> Evidence:
+def _evidence_from_nmea(stream: Stream, marks: Marks) -> Evidence:
     """UTC beside iTOW from dated NMEA: the difference most often seen to the NAV-PVT that follows."""
     none = Evidence(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64))
     if "NAV-PVT" not in stream.messages or not len(marks.time_s):

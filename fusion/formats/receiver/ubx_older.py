@@ -47,21 +47,21 @@ def epochs(messages: Messages) -> tuple[Records, Ints] | None:
     out["flags"] = FIX_OK
     for name in (STATUS, SOLUTION):  # where both are there, the latter counts
         if name in messages:
-            here, there = _beside(place["iTOW"], offset, *messages[name])
+            here, there = _same_epoch(place["iTOW"], offset, *messages[name])
             records = messages[name][0]
             out["fixType"][here], out["flags"][here] = (
                 records["gpsFix"][there],
                 records["flags"][there] & FIX_OK,
             )
     if VELOCITY in messages:
-        here, there = _beside(place["iTOW"], offset, *messages[VELOCITY])
+        here, there = _same_epoch(place["iTOW"], offset, *messages[VELOCITY])
         records = messages[VELOCITY][0]
         for name in _FLOATS:
             out[name][here] = records[name][there] * 10.0  # cm/s
     return out, offset
 
 
-def _beside(itow: Ints, offset: Ints, records: Records, at: Ints) -> tuple[Ints, Ints]:
+def _same_epoch(itow: Ints, offset: Ints, records: Records, at: Ints) -> tuple[Ints, Ints]:
     """(which positions have, which of the records is) the record of the same epoch, just before or behind."""
     behind = np.searchsorted(at, offset)
     row = np.full(len(itow), -1)

@@ -109,17 +109,17 @@ def read_signals(
 def _usable(
     records: Records, offset: Ints, frames: Frames, notes: Notes, place: Place
 ) -> tuple[Records, Ints]:
-    """Whole messages at a possible time; the others are counted and said."""
+    """Complete messages at a possible time; the others are counted."""
     length = frames.length[np.searchsorted(frames.start, offset)]
     complete = length == TYPES[RAWX][1].itemsize + MEASUREMENT.itemsize * records["numMeas"].astype(np.int64)
-    no_week = records["week"] == 0
-    no_time = np.isnan(_gps_s(records))
-    good = np.ones(len(records), bool)
-    for reason, bad in ((WRONG_LENGTH, ~complete), (NO_WEEK, no_week), (NO_TIME, no_time)):
-        at = np.flatnonzero(bad & good)
-        example = f"{place(int(offset[at[0]]))}: week {int(records['week'][at[0]])}" if len(at) else ""
-        notes.skip(reason, len(at), example, position=True)
-        good &= ~bad
+    faults = (
+        (WRONG_LENGTH, ~complete),
+        (NO_WEEK, records["week"] == 0),
+        (NO_TIME, np.isnan(_gps_s(records))),
+    )
+    good = notes.sift(
+        faults, lambda row: f"{place(int(offset[row]))}: week {int(records['week'][row])}", position=True
+    )
     return records[good], offset[good]
 
 
@@ -128,14 +128,10 @@ def _sound(rows: Records, system: Ints, notes: Notes) -> Bools:
     number, range_m = rows["svId"].astype(np.int64), rows["prMes"]
     numbered = (number > 0) & (number <= LAST_NUMBER[system])
     numbered &= (system != GLONASS) | (rows["freqId"] <= 13)
-    good = np.ones(len(rows), bool)
     with np.errstate(invalid="ignore"):
         possible = (range_m > 0) & (range_m < _MOST_M)
     valid = rows["trkStat"] & PSEUDORANGE_VALID == 1
-    for reason, fits in ((NO_SATELLITE, numbered), (NOT_VALID, valid), (NO_RANGE, possible)):
-        notes.skip(reason, int(np.count_nonzero(good & ~fits)))
-        good &= fits
-    return good
+    return notes.sift(((NO_SATELLITE, ~numbered), (NOT_VALID, ~valid), (NO_RANGE, ~possible)))
 
 
 def _assemble(rows: Records, system: Ints, gps_s: Floats) -> Signals:

@@ -66,8 +66,8 @@ class SensorStatus:
             spoilt[theirs[has_next]] = self.faulty[mine[following[has_next]]]
         return spoilt
 
-    def tell(self, data_types: tuple[int, ...], sensor: str, notes: Notes) -> None:
-        """Say how long a sensor was not calibrated, if it was not throughout."""
+    def warn_uncalibrated(self, data_types: tuple[int, ...], sensor: str, notes: Notes) -> None:
+        """Warn of the status messages in which a sensor was not calibrated."""
         mine = np.isin(self.data_type, data_types)
         messages, first = np.unique(self.offset[mine], return_index=True)
         if not len(messages):
@@ -95,8 +95,8 @@ def sensor_tables(
     drive, they are used alone, so that no reading counts twice.
     """
     status = read_status(data, frames)
-    status.tell((16, 17, 18), "accelerometer", notes)
-    status.tell((14, 13, 5), "gyroscope", notes)
+    status.warn_uncalibrated((16, 17, 18), "accelerometer", notes)
+    status.warn_uncalibrated((14, 13, 5), "gyroscope", notes)
     measured = [_sound(samples, status, notes) for samples in measurements(data, frames)]
     rough = _sound(raw_samples(data, frames), status, notes)
     means = [(s, align(s.tick, s.offset, marks, MEAS_HZ, notes.skipped)) for s in measured]

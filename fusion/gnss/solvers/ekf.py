@@ -57,7 +57,7 @@ class EkfOptions(SolverOptions):
     odometer: bool = Field(False, description="Take speed and yaw rate of the vehicle where they are known.")
 
 
-class Drive(NamedTuple):
+class VehicleReadings(NamedTuple):
     """What compiled filters run over beside ``Rows``, (m,) each: time, and what the vehicle says of itself."""
 
     time_s: Floats
@@ -66,7 +66,7 @@ class Drive(NamedTuple):
     yaw_rate_radps: Floats
 
     @classmethod
-    def of(cls, measured: Measurements, aids: Aids, odometer: bool) -> Drive:
+    def of(cls, measured: Measurements, aids: Aids, odometer: bool) -> VehicleReadings:
         """With what the vehicle says, or without."""
         unknown = np.full(len(measured), np.nan)
         own = [aids.speed_mps, aids.speed_sigma_mps, aids.yaw_rate_radps] if odometer else [unknown] * 3
@@ -89,10 +89,10 @@ class Ekf:
         """Positions of all epochs from the first that can be solved; the seed is not needed."""
         frame = Frame.around(measured)
         rows = frame.rows(measured, cn0_variance(measured.cn0_dbhz, measured.elevation_rad))
-        drive = Drive.of(measured, aids, options.odometer)
+        vehicle = VehicleReadings.of(measured, aids, options.odometer)
         unseen = OneSidedModel().second_moment_m2(measured.cn0_dbhz)
         means, covariances, residual, predicted = _run(
-            rows, drive, unseen, states(measured), len(measured.names), options.tau_s, options.doppler
+            rows, vehicle, unseen, states(measured), len(measured.names), options.tau_s, options.doppler
         )
         progress("positioning", 1.0)
         position, velocity, covariance = frame.to_ecef(means, covariances)
@@ -109,10 +109,16 @@ class Ekf:
 
 @compiled
 def _run(
-    rows: Rows, drive: Drive, unseen_m2: Floats, n: int, satellites: int, tau_s: float, doppler: bool
+    rows: Rows,
+    vehicle: VehicleReadings,
+    unseen_m2: Floats,
+    n: int,
+    satellites: int,
+    tau_s: float,
+    doppler: bool,
 ) -> tuple[Floats, Floats, Floats, Bools]:
     """Means (m, n), covariances (m, n, n), residuals of the rows, and which epochs are predicted; NaN where unknown."""
-    epochs = len(drive.time_s)
+    epochs = len(vehicle.time_s)
     means, covariances = np.full((epochs, n), np.nan), np.full((epochs, n, n), np.nan)
     residuals = np.full(len(rows.range_m), np.nan)
     predicted = np.zeros(epochs, np.bool_)
@@ -120,14 +126,14 @@ def _run(
     moved_by, unseen = np.zeros((n, satellites)), np.zeros(satellites)
     running = False
     for k in range(epochs):
-        dt_s = drive.time_s[k] - drive.time_s[max(k - 1, 0)]
+        dt_s = vehicle.time_s[k] - vehicle.time_s[max(k - 1, 0)]
         enough = count_satellites(rows, k) >= FEWEST
         lost = dt_s > LONGEST_BRIDGED_OUTAGE_S or covariance[0, 0] + covariance[1, 1] > LOST_M**2
         if (not running or lost) and enough and start(rows, k, mean, covariance):
             running = True
             moved_by[:] = 0.0
         elif running:
-            moves = motion(n, dt_s, drive.yaw_rate_radps[k])
+            moves = motion(n, dt_s, vehicle.yaw_rate_radps[k])
             mean, moved_by = moves @ mean, moves @ moved_by
             covariance = moves @ covariance @ moves.T + process_noise(dt_s, n)
             predicted[k] = not enough
@@ -136,7 +142,7 @@ def _run(
                 correct_ranges(rows, k, mean, covariance, moved_by, max(tau_s / dt_s, 1.0))
                 if doppler:
                     correct_rates(rows, k, mean, covariance, moved_by)
-            correct_speed(mean, covariance, moved_by, drive.speed_mps[k], drive.speed_sigma_mps[k])
+            correct_speed(mean, covariance, moved_by, vehicle.speed_mps[k], vehicle.speed_sigma_mps[k])
         if running:
             means[k], covariances[k] = mean, covariance + (moved_by * unseen) @ moved_by.T
             fill_residuals(rows, k, mean, residuals)

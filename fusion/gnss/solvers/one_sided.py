@@ -82,13 +82,13 @@ class OneSided:
         mean, covariance, like_s = _honest(problem, measured, result, options.smooth)
         progress("positions", 1.0)
         for k in range(len(mean)):
-            motions.velocity(problem.drive, k, mean[k], covariance[k])
+            motions.velocity(problem.motion, k, mean[k], covariance[k])
         report = {
             "midpoint_dbhz": round(law.midpoint_dbhz, 2),
             "noise": round(law.noise, 3),
             "errors_alike_s": round(like_s, 2),
             "runs": int(result.track.begins.sum()),
-            "odometer": problem.drive.gyro >= 0,
+            "odometer": problem.motion.gyro >= 0,
         }
         return _solution(frame, problem, mean, covariance, measured, report)
 
@@ -100,9 +100,9 @@ def problem_of(
     law = law or Law()
     n = state.states(measured)
     gyro = n if options.odometer and np.isfinite(aids.speed_mps).any() else -1
-    drive = motions.drive(measured.time_s, aids, gyro >= 0, gyro)
+    motion = motions.motion_of(measured.time_s, aids, gyro >= 0, gyro)
     tau_s = np.where(
-        drive.led, 1 / (1 / _STANDING_TAU_S + drive.speed_mps / _LIKE_WAY_M), np.full(len(measured), TAU_S)
+        motion.led, 1 / (1 / _STANDING_TAU_S + motion.speed_mps / _LIKE_WAY_M), np.full(len(measured), TAU_S)
     )
     cn0 = np.where(np.isfinite(measured.cn0_dbhz), measured.cn0_dbhz, law.midpoint_dbhz)
     weak_db = np.maximum(0.0, _RATE_CN0_DBHZ + law.midpoint_dbhz - Law().midpoint_dbhz - cn0)
@@ -115,7 +115,7 @@ def problem_of(
     problem = Problem(
         rows=frame.rows(measured, state.cn0_variance(measured.cn0_dbhz, measured.elevation_rad)),
         errors=law.errors(measured.cn0_dbhz),
-        drive=drive,
+        motion=motion,
         rate_sigma_mps=rate_sigma,
         height_m=aids.height_m - height[0] if options.height else np.full(len(measured), np.nan),
         height_sigma_m=np.array(aids.height_sigma_m, float),
@@ -138,7 +138,7 @@ def _inflation(time_s: Floats, tau_s: Floats) -> Floats:
 
 def _solve(problem: Problem, n: int, smoothed: bool) -> _Result:
     """The filter's track; or filter and smoother in turn, each pass about the track before."""
-    track = empty_pass(len(problem.drive.dt_s), n)
+    track = empty_pass(len(problem.motion.dt_s), n)
     forward(problem, np.full_like(track.mean, np.nan), track)
     mean, covariance = track.mean, track.covariance
     for wider in _PASSES_WIDER if smoothed else ():

@@ -15,7 +15,7 @@ from fusion.compiled import compiled
 from fusion.gnss.error_models.likelihood import Errors, reflected, variance_at
 from fusion.gnss.solvers import one_sided_motion as motions
 from fusion.gnss.solvers import state
-from fusion.gnss.solvers.one_sided_motion import Drive
+from fusion.gnss.solvers.one_sided_motion import Motion
 from fusion.gnss.solvers.smoother import Pass
 from fusion.gnss.solvers.state import CLOCK, DRIFT, Rows
 from fusion.types import Floats
@@ -45,7 +45,7 @@ class Problem(NamedTuple):
 
     rows: Rows
     errors: Errors
-    drive: Drive
+    motion: Motion
     rate_sigma_mps: Floats
     height_m: Floats
     height_sigma_m: Floats
@@ -66,27 +66,27 @@ def forward(problem: Problem, about: Floats, out: Pass) -> None:
     noise = np.zeros((n, n))
     for k in range(epochs):
         count = problem.rows.first[k + 1] - problem.rows.first[k]
-        waited = waited + problem.drive.dt_s[k] if count < ENOUGH_SATELLITES else problem.drive.dt_s[k]
+        waited = waited + problem.motion.dt_s[k] if count < ENOUGH_SATELLITES else problem.motion.dt_s[k]
         out.known[k] = out.begins[k] = False
         if not running or waited > problem.longest_gap_s:
             running = state.start(problem.rows, k, mean, covariance)
             if not running:
                 continue
-            motions.begin(problem.drive, k, mean, covariance)
+            motions.begin(problem.motion, k, mean, covariance)
             out.begins[k] = True
         else:
             moves = out.moves[k]
             around = about[k - 1] if np.isfinite(about[k - 1, 0]) else mean
-            motions.step(problem.drive, k, around, moves, noise)
-            bias = 0.0 if problem.drive.gyro < 0 else around[problem.drive.gyro]
+            motions.step(problem.motion, k, around, moves, noise)
+            bias = 0.0 if problem.motion.gyro < 0 else around[problem.motion.gyro]
             mean = moves @ mean
-            _without_bias(problem.drive.gyro, bias, moves, mean)
+            _without_bias(problem.motion.gyro, bias, moves, mean)
             covariance = moves @ covariance @ moves.T + noise
             if _lost(problem, k, mean, covariance):
                 other, spread = np.zeros(n), np.zeros((n, n))
                 if state.start(problem.rows, k, other, spread):
                     mean, covariance = other, spread
-                    motions.begin(problem.drive, k, mean, covariance)
+                    motions.begin(problem.motion, k, mean, covariance)
                     out.begins[k] = True
         out.ahead[k], out.ahead_covariance[k] = mean, covariance
         mean, covariance = _correct(problem, k, about[k], mean, covariance)
@@ -170,7 +170,7 @@ def _rates(problem: Problem, epoch: int, at: Floats, wider: float, mean: Floats,
 
     Those of reflected signals are wrong too, to either side: they count as far as the pseudorange looks direct.
     """
-    rows, errors, speed = problem.rows, problem.errors, problem.drive.speed_mps[epoch]
+    rows, errors, speed = problem.rows, problem.errors, problem.motion.speed_mps[epoch]
     row, gain = np.empty(len(mean)), np.empty(len(mean))
     moving = at.copy()
     moving[3:6] *= speed
@@ -204,14 +204,14 @@ def _height(problem: Problem, epoch: int, at: Floats, mean: Floats, covariance: 
 @compiled
 def _scale(problem: Problem, epoch: int, at: Floats, mean: Floats, covariance: Floats) -> None:
     """The direction's length, the odometer's scale, is about 1: said once a minute, and once it has a direction."""
-    if not problem.drive.led[epoch] or covariance[3, 3] + covariance[4, 4] > _SCALE_KNOWN:
+    if not problem.motion.led[epoch] or covariance[3, 3] + covariance[4, 4] > _SCALE_KNOWN:
         return
     length = np.hypot(at[3], at[4])
     if length < 0.5:
         return
     row, gain = np.zeros(len(mean)), np.empty(len(mean))
     row[3], row[4] = at[3] / length, at[4] / length
-    rate = max(1.0, _SCALE_TAU_S / max(problem.drive.dt_s[epoch], 1e-3))
+    rate = max(1.0, _SCALE_TAU_S / max(problem.motion.dt_s[epoch], 1e-3))
     _add(row, 1.0 - length, _SCALE_SIGMA**2 * rate, at, mean, covariance, gain)
 
 

@@ -130,7 +130,7 @@ def common_errors(problem: Problem, track: Pass, mean: Floats, satellites: int) 
     for k in range(epochs):
         if not track.known[k]:
             continue
-        decay = np.exp(-problem.drive.dt_s[k] / _COMMON_MEMORY_S)
+        decay = np.exp(-problem.motion.dt_s[k] / _COMMON_MEMORY_S)
         pulls *= decay
         normal *= decay
         for r in range(rows.first[k], rows.first[k + 1]):

@@ -28,7 +28,7 @@ _NEW_DIRECTION, _NEW_SLOPE = 0.7, 0.05
 _SLOWEST_MPS = 1.0  # below, a velocity tells no direction
 
 
-class Drive(NamedTuple):
+class Motion(NamedTuple):
     """What moves the state, (m,): seconds since the epoch before, S with its sigma, yaw rate, whether S is known."""
 
     dt_s: Floats
@@ -40,18 +40,18 @@ class Drive(NamedTuple):
     """Where the gyroscope's bias stands in the state; -1 without odometer."""
 
 
-def drive(time_s: Floats, aids: Aids, odometer: bool, gyro: int) -> Drive:
+def motion_of(time_s: Floats, aids: Aids, odometer: bool, gyro: int) -> Motion:
     """The motion of (m,) epochs; a sigma that is not stated counts as 0.1 m/s."""
     dt = np.diff(time_s, prepend=time_s[:1])
     led = np.isfinite(aids.speed_mps) & odometer
     sigma = np.where(np.isfinite(aids.speed_sigma_mps), aids.speed_sigma_mps, 0.1)
-    return Drive(
+    return Motion(
         dt, np.where(led, np.abs(aids.speed_mps), 1.0), sigma, np.array(aids.yaw_rate_radps), led, gyro
     )
 
 
 @compiled
-def begin(motion: Drive, epoch: int, mean: Floats, covariance: Floats) -> None:
+def begin(motion: Motion, epoch: int, mean: Floats, covariance: Floats) -> None:
     """Make the velocity of a fresh start a direction, where the odometer leads."""
     n = len(mean)
     if motion.led[epoch]:
@@ -68,7 +68,7 @@ def begin(motion: Drive, epoch: int, mean: Floats, covariance: Floats) -> None:
 
 
 @compiled
-def step(motion: Drive, epoch: int, mean: Floats, moves: Floats, noise: Floats) -> None:
+def step(motion: Motion, epoch: int, mean: Floats, moves: Floats, noise: Floats) -> None:
     """Fill ``moves`` and ``noise`` (n, n) from the epoch before; ``mean`` (n,) of there is where they are taken."""
     n, dt = len(mean), motion.dt_s[epoch]
     moves[:, :] = state.transition(dt, n)
@@ -82,7 +82,7 @@ def step(motion: Drive, epoch: int, mean: Floats, moves: Floats, noise: Floats) 
 
 
 @compiled
-def _led(motion: Drive, epoch: int, mean: Floats, moves: Floats, noise: Floats) -> None:
+def _led(motion: Motion, epoch: int, mean: Floats, moves: Floats, noise: Floats) -> None:
     dt = motion.dt_s[epoch]
     speed = 0.5 * (motion.speed_mps[epoch - 1] + motion.speed_mps[epoch])
     yaw = 0.5 * (motion.yaw_radps[epoch - 1] + motion.yaw_radps[epoch])
@@ -120,7 +120,7 @@ def _led(motion: Drive, epoch: int, mean: Floats, moves: Floats, noise: Floats) 
 
 
 @compiled
-def _change(motion: Drive, epoch: int, moves: Floats, noise: Floats) -> None:
+def _change(motion: Motion, epoch: int, moves: Floats, noise: Floats) -> None:
     """Between velocity and direction: where the odometer begins or ends to tell the speed."""
     before, after = motion.speed_mps[epoch - 1], motion.speed_mps[epoch]
     for i in range(3):
@@ -137,7 +137,7 @@ def _change(motion: Drive, epoch: int, moves: Floats, noise: Floats) -> None:
 
 
 @compiled
-def velocity(motion: Drive, epoch: int, mean: Floats, covariance: Floats) -> None:
+def velocity(motion: Motion, epoch: int, mean: Floats, covariance: Floats) -> None:
     """Turn direction into velocity, in place, for what is given out."""
     speed, n = motion.speed_mps[epoch], len(mean)
     for i in range(3, 6):

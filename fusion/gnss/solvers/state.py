@@ -85,10 +85,6 @@ class Frame:
             np.asarray(turn.T @ covariance[:, :6, :6] @ turn),
         )
 
-    def to_local(self, position_m: Floats) -> Floats:
-        """East, north and up (m, 3) of ECEF places (m, 3)."""
-        return np.asarray((position_m - self.origin_m) @ self.axes.T)
-
 
 def states(measured: Measurements) -> int:
     """How many numbers the state has."""

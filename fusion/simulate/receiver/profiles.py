@@ -56,134 +56,38 @@ class ReceiverProfile:
 
 
 RECEIVERS: Registry[ReceiverProfile] = Registry("receiver")
-RECEIVERS.add(
-    "m8",
-    ReceiverProfile(
-        horizontal_m=1.5,
-        horizontal_s=100.0,
-        horizontal_white_m=0.3,
-        vertical_m=3.0,
-        vertical_s=120.0,
-        vertical_white_m=0.5,
-        vertical_bias_m=2.0,
-        doppler_mps=0.05,
-        doppler_vertical_mps=0.1,
-        pitch_deg=0.2,
-        mount_deg=1.5,
-        acc_mps2=0.05,
-        acc_bias_mps2=0.05,
-        gyro_dps=0.1,
-        gyro_bias_dps=0.2,
-        odo_mps=0.05,
-        odo_scale=0.01,
-        h_acc_m=2.0,
-        v_acc_m=3.5,
-    ),
-)
-RECEIVERS.add(
-    "m8u",
-    ReceiverProfile(
-        horizontal_m=2.0,
-        horizontal_s=300.0,
-        horizontal_white_m=0.3,
-        vertical_m=1.2,
-        vertical_s=60.0,
-        vertical_white_m=0.6,
-        vertical_bias_m=2.5,
-        doppler_mps=0.05,
-        doppler_vertical_mps=0.1,
-        pitch_deg=0.2,
-        mount_deg=1.5,
-        acc_mps2=0.05,
-        acc_bias_mps2=0.05,
-        gyro_dps=0.1,
-        gyro_bias_dps=0.2,
-        odo_mps=0.05,
-        odo_scale=0.01,
-        h_acc_m=2.0,
-        v_acc_m=3.0,
-    ),
-)
-"""An EVK-M8U under an open sky.
+_NAMES = ("m8", "m8u", "phone", "f9p", "perfect")
+_FIGURES = {
+    "horizontal_m": (1.5, 2.0, 4.0, 0.3, 0.0),
+    "horizontal_s": (100.0, 300.0, 60.0, 200.0, 1.0),
+    "horizontal_white_m": (0.3, 0.3, 1.0, 0.05, 0.0),
+    "vertical_m": (3.0, 1.2, 6.0, 0.5, 0.0),
+    "vertical_s": (120.0, 60.0, 60.0, 200.0, 1.0),
+    "vertical_white_m": (0.5, 0.6, 1.5, 0.1, 0.0),
+    "vertical_bias_m": (2.0, 2.5, 4.0, 0.3, 0.0),
+    "doppler_mps": (0.05, 0.05, 0.2, 0.02, 0.0),
+    "doppler_vertical_mps": (0.1, 0.1, 0.4, 0.04, 0.0),
+    "pitch_deg": (0.2, 0.2, 0.8, 0.1, 0.0),
+    "mount_deg": (1.5, 1.5, 3.0, 0.5, 0.0),
+    "acc_mps2": (0.05, 0.05, 0.15, 0.02, 0.0),
+    "acc_bias_mps2": (0.05, 0.05, 0.2, 0.02, 0.0),
+    "gyro_dps": (0.1, 0.1, 0.3, 0.05, 0.0),
+    "gyro_bias_dps": (0.2, 0.2, 0.5, 0.1, 0.0),
+    "odo_mps": (0.05, 0.05, 0.05, 0.05, 0.0),
+    "odo_scale": (0.01, 0.01, 0.01, 0.01, 0.0),
+    "h_acc_m": (2.0, 2.0, 5.0, 0.4, 0.01),
+    "v_acc_m": (3.5, 3.0, 8.0, 0.6, 0.01),
+    "springs": (1.0, 1.0, 1.0, 1.0, 0.0),
+}
+"""Figures by receiver. ``m8u`` is an EVK-M8U under an open sky.
 
 Its data sheet promises 2.5 m horizontally (half of the fixes, autonomous) and 0.05 m/s; over a day the vertical error
 is about 1.4 times the horizontal one. What part of it changes within ten minutes follows from the error budget in Al
 Assaad's thesis (table 1.1): multipath of 0.5 to 1 m and receiver noise of 0.25 to 0.5 m in a range, times a vertical
 dilution of 1.6. Orbits, clocks and the atmosphere change over hours and are a bias here.
 """
-RECEIVERS.add(
-    "phone",
-    ReceiverProfile(
-        horizontal_m=4.0,
-        horizontal_s=60.0,
-        horizontal_white_m=1.0,
-        vertical_m=6.0,
-        vertical_s=60.0,
-        vertical_white_m=1.5,
-        vertical_bias_m=4.0,
-        doppler_mps=0.2,
-        doppler_vertical_mps=0.4,
-        pitch_deg=0.8,
-        mount_deg=3.0,
-        acc_mps2=0.15,
-        acc_bias_mps2=0.2,
-        gyro_dps=0.3,
-        gyro_bias_dps=0.5,
-        odo_mps=0.05,
-        odo_scale=0.01,
-        h_acc_m=5.0,
-        v_acc_m=8.0,
-    ),
-)
-RECEIVERS.add(
-    "f9p",
-    ReceiverProfile(
-        horizontal_m=0.3,
-        horizontal_s=200.0,
-        horizontal_white_m=0.05,
-        vertical_m=0.5,
-        vertical_s=200.0,
-        vertical_white_m=0.1,
-        vertical_bias_m=0.3,
-        doppler_mps=0.02,
-        doppler_vertical_mps=0.04,
-        pitch_deg=0.1,
-        mount_deg=0.5,
-        acc_mps2=0.02,
-        acc_bias_mps2=0.02,
-        gyro_dps=0.05,
-        gyro_bias_dps=0.1,
-        odo_mps=0.05,
-        odo_scale=0.01,
-        h_acc_m=0.4,
-        v_acc_m=0.6,
-    ),
-)
-RECEIVERS.add(
-    "perfect",
-    ReceiverProfile(
-        horizontal_m=0.0,
-        horizontal_s=1.0,
-        horizontal_white_m=0.0,
-        vertical_m=0.0,
-        vertical_s=1.0,
-        vertical_white_m=0.0,
-        vertical_bias_m=0.0,
-        doppler_mps=0.0,
-        doppler_vertical_mps=0.0,
-        pitch_deg=0.0,
-        mount_deg=0.0,
-        acc_mps2=0.0,
-        acc_bias_mps2=0.0,
-        gyro_dps=0.0,
-        gyro_bias_dps=0.0,
-        odo_mps=0.0,
-        odo_scale=0.0,
-        h_acc_m=0.01,
-        v_acc_m=0.01,
-        springs=0.0,
-    ),
-)
+for _column, _name in enumerate(_NAMES):
+    RECEIVERS.add(_name, ReceiverProfile(**{error: figures[_column] for error, figures in _FIGURES.items()}))
 
 
 @dataclass(frozen=True)

@@ -149,8 +149,8 @@ class Other:
 
     def do(self, what: str, which: int) -> None:
         if what == "adds":
-            values = {"way": self.way, "n": next(_numbers) * 2}
-            self.rows.append(self.session.execute(_ADD_OWN, values).scalar_one())
+            row = {"way": self.way, "n": next(_numbers) * 2}
+            self.rows.append(self.session.execute(_ADD_OWN, row).scalar_one())
             self.wrote.add(self.rows[-1])
         elif self.rows:
             one = self.rows[which % len(self.rows)]

@@ -20,7 +20,7 @@ from app.exports.formats import SEGMENT_FORMATS
 from app.map.segment import PROPERTIES
 from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.formats import FORMATS, read_log
-from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.demonstration import Demonstration, write_all
 from fusion.terrain.windows import WINDOWS
 
 runner = CliRunner()
@@ -28,7 +28,7 @@ FAST = ("--method", "raw")  # what is tested here is the command, not the estima
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     return write_all(tmp_path_factory.mktemp("town"), 3, seed=1, duration_s=60.0)
 
 
@@ -41,7 +41,7 @@ def features(path: Path) -> dict[tuple[int, int, int], dict[str, object]]:
     return {(p["osm_way_id"], p["from_node"], p["to_node"]): p for p in read}
 
 
-def test_without_an_output_file_geojson_goes_to_standard_output(bundle: Bundle) -> None:
+def test_without_an_output_file_geojson_goes_to_standard_output(bundle: Demonstration) -> None:
     result = run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST)
     assert result.exit_code == 0, result.stderr
     document = json.loads(result.stdout)
@@ -50,7 +50,7 @@ def test_without_an_output_file_geojson_goes_to_standard_output(bundle: Bundle) 
     assert len(document["features"]) > 3
 
 
-def test_one_dem_option_takes_several_rasters(bundle: Bundle, tmp_path: Path) -> None:
+def test_one_dem_option_takes_several_rasters(bundle: Demonstration, tmp_path: Path) -> None:
     twin = tmp_path / "again.tif"
     twin.write_bytes(bundle.dem.read_bytes())
     given = run("fuse", bundle.drives[0], "--roads", bundle.osm, "--method", "dem", "--dem", bundle.dem, twin)
@@ -62,7 +62,7 @@ def test_one_dem_option_takes_several_rasters(bundle: Bundle, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("suffix", [output.suffixes[0] for output in SEGMENT_FORMATS.values()])
-def test_suffix_chooses_the_output(bundle: Bundle, tmp_path: Path, suffix: str) -> None:
+def test_suffix_chooses_the_output(bundle: Demonstration, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"slopes{suffix}"
     result = run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, "-o", out)
     assert result.exit_code == 0, result.stderr
@@ -70,7 +70,9 @@ def test_suffix_chooses_the_output(bundle: Bundle, tmp_path: Path, suffix: str) 
     assert not result.stdout
 
 
-def test_order_of_logs_changes_nothing_and_a_repeated_log_counts_once(bundle: Bundle, tmp_path: Path) -> None:
+def test_order_of_logs_changes_nothing_and_a_repeated_log_counts_once(
+    bundle: Demonstration, tmp_path: Path
+) -> None:
     twin = tmp_path / "twin.csv"
     twin.write_bytes(bundle.drives[0].read_bytes())
     one, two = tmp_path / "one.geojson", tmp_path / "two.geojson"
@@ -86,7 +88,7 @@ def test_order_of_logs_changes_nothing_and_a_repeated_log_counts_once(bundle: Bu
     assert first == second
 
 
-def test_a_script_gets_the_same_numbers(bundle: Bundle, tmp_path: Path) -> None:
+def test_a_script_gets_the_same_numbers(bundle: Demonstration, tmp_path: Path) -> None:
     out = tmp_path / "out.geojson"
     fuse = ("fuse", *bundle.drives[:2], "--roads", bundle.osm, "--dem", bundle.dem, *FAST, "-o", out)
     assert run(*fuse).exit_code == 0
@@ -107,7 +109,7 @@ def test_a_script_gets_the_same_numbers(bundle: Bundle, tmp_path: Path) -> None:
                 assert (None if pd.isna(value) else value) == expected, name
 
 
-def test_a_failing_log_is_reported_and_the_others_go_on(bundle: Bundle, tmp_path: Path) -> None:
+def test_a_failing_log_is_reported_and_the_others_go_on(bundle: Demonstration, tmp_path: Path) -> None:
     bad, out, report = tmp_path / "bad.csv", tmp_path / "out.geojson", tmp_path / "report.json"
     bad.write_text("time_s,speed_mps\n1,2\n")
     arguments = (bad, tmp_path / "none.csv", bundle.drives[0], "--roads", bundle.osm, *FAST)
@@ -124,14 +126,14 @@ def test_a_failing_log_is_reported_and_the_others_go_on(bundle: Bundle, tmp_path
     assert logs[2]["report"]["method"] == "raw"
 
 
-def test_nothing_is_written_when_every_log_fails(bundle: Bundle, tmp_path: Path) -> None:
+def test_nothing_is_written_when_every_log_fails(bundle: Demonstration, tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text("time_s,speed_mps\n1,2\n")
     out = tmp_path / "out.geojson"
     assert run("fuse", tmp_path / "bad.csv", "--roads", bundle.osm, "-o", out).exit_code == 1
     assert not out.exists()
 
 
-def test_terrain_is_stated_beside_the_measured_slope(bundle: Bundle, tmp_path: Path) -> None:
+def test_terrain_is_stated_beside_the_measured_slope(bundle: Demonstration, tmp_path: Path) -> None:
     out = tmp_path / "out.geojson"
     with_dem = run("fuse", bundle.drives[0], "--roads", bundle.osm, "--dem", bundle.dem, *FAST, "-o", out)
     assert with_dem.exit_code == 0, with_dem.stderr
@@ -141,7 +143,7 @@ def test_terrain_is_stated_beside_the_measured_slope(bundle: Bundle, tmp_path: P
 
 
 @pytest.fixture
-def aster(bundle: Bundle, tmp_path: Path) -> tuple[Path, Path]:
+def aster(bundle: Demonstration, tmp_path: Path) -> tuple[Path, Path]:
     """The town's elevation raster and a quality layer, as a pair of ASTER files."""
     elevations, quality = (tmp_path / f"ASTGTM2_N48E008_{kind}.tif" for kind in ("dem", "num"))
     elevations.write_bytes(bundle.dem.read_bytes())
@@ -153,7 +155,7 @@ def aster(bundle: Bundle, tmp_path: Path) -> tuple[Path, Path]:
 
 
 def test_the_quality_layer_of_the_terrain_is_found_or_may_be_named(
-    bundle: Bundle, aster: tuple[Path, Path], tmp_path: Path
+    bundle: Demonstration, aster: tuple[Path, Path], tmp_path: Path
 ) -> None:
     elevations, quality = aster
     out = tmp_path / "out.geojson"
@@ -177,7 +179,7 @@ def test_the_quality_layer_of_the_terrain_is_found_or_may_be_named(
 
 @pytest.mark.slow
 def test_pictures_and_tracks_have_numbers_and_names_when_there_are_several(
-    bundle: Bundle, tmp_path: Path
+    bundle: Demonstration, tmp_path: Path
 ) -> None:
     extra = ("--profile", tmp_path / "p.png", "--track", tmp_path / "t.geojson", "-o", tmp_path / "o.csv")
     assert run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, *extra).exit_code == 0
@@ -196,7 +198,7 @@ def test_pictures_and_tracks_have_numbers_and_names_when_there_are_several(
     }
 
 
-def test_a_map_shows_all_roads_around_the_drives(bundle: Bundle, tmp_path: Path) -> None:
+def test_a_map_shows_all_roads_around_the_drives(bundle: Demonstration, tmp_path: Path) -> None:
     drawn = tmp_path / "map.png"
     arguments = ("fuse", *bundle.drives[:2], "--roads", bundle.osm, "--dem", bundle.dem, *FAST, "-o")
     result = run(*arguments, tmp_path / "o.csv", "--map", drawn)
@@ -208,7 +210,7 @@ def test_a_map_shows_all_roads_around_the_drives(bundle: Bundle, tmp_path: Path)
     assert run(*arguments, tmp_path / "o.csv", "--map", tmp_path / "none" / "map.png").exit_code == 2
 
 
-def test_track_repeats_what_the_receiver_logged(bundle: Bundle, tmp_path: Path) -> None:
+def test_track_repeats_what_the_receiver_logged(bundle: Demonstration, tmp_path: Path) -> None:
     out = tmp_path / "track.csv"
     result = run("track", bundle.drives[1], "-o", out)
     assert result.exit_code == 0, result.stderr
@@ -231,7 +233,7 @@ def test_track_repeats_what_the_receiver_logged(bundle: Bundle, tmp_path: Path) 
     np.testing.assert_allclose(degrees, log.fix.lat_deg, rtol=0, atol=1e-9)
 
 
-def test_a_written_track_is_a_log_again(bundle: Bundle, tmp_path: Path) -> None:
+def test_a_written_track_is_a_log_again(bundle: Demonstration, tmp_path: Path) -> None:
     out = tmp_path / "track.csv"
     assert run("track", bundle.drives[0], "-o", out).exit_code == 0
     again, log = read_log(out), read_log(bundle.drives[0])
@@ -239,7 +241,7 @@ def test_a_written_track_is_a_log_again(bundle: Bundle, tmp_path: Path) -> None:
     assert not again.warnings
 
 
-def test_track_of_several_logs_names_them_and_keeps_going(bundle: Bundle, tmp_path: Path) -> None:
+def test_track_of_several_logs_names_them_and_keeps_going(bundle: Demonstration, tmp_path: Path) -> None:
     out = tmp_path / "track.geojson"
     result = run("track", bundle.drives[0], tmp_path / "none.csv", bundle.drives[2], "-o", out)
     assert result.exit_code == 1

@@ -14,7 +14,7 @@ from app.cli import app
 from app.exports.formats import SEGMENT_FORMATS
 from fusion.formats import read_log
 from fusion.report import with_duplicate
-from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.demonstration import Demonstration, write_all
 from fusion.terrain.datum import MEAN_SEA_LEVEL
 
 runner = CliRunner()
@@ -22,7 +22,7 @@ FAST = ("--method", "raw")  # where what is tested is the command, not the estim
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     return write_all(tmp_path_factory.mktemp("town"), 1, seed=1, duration_s=60.0)
 
 
@@ -35,7 +35,7 @@ def features(path: Path) -> dict[tuple[int, int, int], dict[str, object]]:
     return {(p["osm_way_id"], p["from_node"], p["to_node"]): p for p in read}
 
 
-def test_a_drive_in_two_formats_is_heard_once(bundle: Bundle, tmp_path: Path) -> None:
+def test_a_drive_in_two_formats_is_heard_once(bundle: Demonstration, tmp_path: Path) -> None:
     """The same drive with fewer columns and digits: it changes nothing, and whoever gave it is told."""
     log = read_log(bundle.drives[0])
     poor, out, report = tmp_path / "poor.csv", tmp_path / "out.geojson", tmp_path / "report.json"
@@ -61,7 +61,7 @@ def test_a_drive_in_two_formats_is_heard_once(bundle: Bundle, tmp_path: Path) ->
     assert said == with_duplicate([], str(bundle.drives[0])) * 4
 
 
-def test_surveyed_heights_bring_their_datum(bundle: Bundle, tmp_path: Path) -> None:
+def test_surveyed_heights_bring_their_datum(bundle: Demonstration, tmp_path: Path) -> None:
     """A point 48 m above the drive, as an ellipsoid is, lifts every height that the drive reaches, and no slope."""
     out, points, report = tmp_path / "out.geojson", tmp_path / "points.csv", tmp_path / "report.json"
     fuse = (
@@ -101,7 +101,7 @@ def test_surveyed_heights_bring_their_datum(bundle: Bundle, tmp_path: Path) -> N
 
 
 def test_a_file_of_surveyed_heights_that_cannot_be_used_stops_everything(
-    bundle: Bundle, tmp_path: Path
+    bundle: Demonstration, tmp_path: Path
 ) -> None:
     points = tmp_path / "points.csv"
     points.write_text("lat_deg,lon_deg,height_m\n49,8.5,high\n")
@@ -111,7 +111,7 @@ def test_a_file_of_surveyed_heights_that_cannot_be_used_stops_everything(
 
 
 @pytest.mark.parametrize("suffix", [output.suffixes[0] for output in SEGMENT_FORMATS.values()])
-def test_heights_are_in_every_output(bundle: Bundle, tmp_path: Path, suffix: str) -> None:
+def test_heights_are_in_every_output(bundle: Demonstration, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"slopes{suffix}"
     assert run("fuse", bundle.drives[0], "--roads", bundle.osm, "-o", out).exit_code == 0
     if suffix == ".csv":
@@ -128,7 +128,7 @@ def test_heights_are_in_every_output(bundle: Bundle, tmp_path: Path, suffix: str
     assert (level.nunique() == 1).all(), "segments that meet share their node's height"
 
 
-def test_slope_only_methods_know_no_heights(bundle: Bundle, tmp_path: Path) -> None:
+def test_slope_only_methods_know_no_heights(bundle: Demonstration, tmp_path: Path) -> None:
     out = tmp_path / "out.geojson"
     assert run("fuse", bundle.drives[0], "--roads", bundle.osm, *FAST, "-o", out).exit_code == 0
     assert "height_datum" not in json.loads(out.read_text())

@@ -15,7 +15,7 @@ from app.cli import app
 from app.core.db import Sessions, make_engine, session_factory
 from app.network import extracts as road_store
 from app.roads import imports as roads
-from fusion.simulate.bundle import write_all
+from fusion.simulate.demonstration import write_all
 from fusion.simulate.scene.town import Town
 from network_support import assert_same, drive_over, rows_of
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sqlalchemy import Engine, create_engine, text
 
 from app.core import migrate
-from app.core.tables.passes import PARTITION_PREFIX
+from app.core.tables.network import PARTITION_PREFIX
 
 _DATA_OF_0027 = """
     INSERT INTO road_versions (source_name, sha256, segments, kept, moved, dropped, added)

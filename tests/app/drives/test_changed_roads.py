@@ -12,7 +12,7 @@ import pytest
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.drives import intake, process
+from app.drives import computing, intake, process
 from app.drives import store as drives
 from app.drives.batches.documents import Selection, Which
 from app.drives.batches.store import batch_progress, count_selected
@@ -187,13 +187,13 @@ def test_drives_that_found_no_roads_are_computed_when_these_come(
 def test_an_import_elsewhere_does_not_repeat_a_drive(
     context: JobContext, send: Send, chain: Chain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drive, genuine, runs = send(0), process.run_drive, []
+    drive, genuine, runs = send(0), computing.run_drive, []
 
     def run(*args: object, **options: object) -> object:
         runs.append(brought(context, chain(3, lon=20.0 + len(runs)), "elsewhere").added)
         return genuine(*args, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(process, "run_drive", run)
+    monkeypatch.setattr(computing, "run_drive", run)
     assert process_drive(context, drive.id, 1) is Outcome.DONE
     assert runs == [3]
 

@@ -14,7 +14,7 @@ import pytest
 
 from app.core.db import Sessions
 from app.core.settings import Settings
-from app.drives import intake, process, tracks
+from app.drives import computing, intake, process, tracks
 from app.drives.documents import Drive
 from app.drives.process import Outcome
 from app.jobs.context import JobContext
@@ -122,12 +122,12 @@ def test_positions_are_computed_before_roads_are_chosen(
     drive = send(0, "raw", {"gnss": "receiver"})
     with context.blobs.open(drive.blob_key) as file:
         whole = read_log(file)
-    monkeypatch.setattr(process, "read_log", read)
+    monkeypatch.setattr(computing, "read_log", read)
     assert process_drive(context, drive.id, 1) is Outcome.FAILED
     failure = drive_now(context, drive.id).failure
     assert failure is not None
     assert (failure.kind, failure.stage) == ("empty-log", "positioning")
-    monkeypatch.setattr(process, "positions_of", solve)
+    monkeypatch.setattr(computing, "positions_of", solve)
     intake.reprocess(context.sessions, drive.id)
     assert process_drive(context, drive.id, 2) is Outcome.DONE
     done = drive_now(context, drive.id)
@@ -273,7 +273,7 @@ def test_a_fault_of_ours_is_logged_and_told_plainly(
     def fail(*args: Any, **kwargs: Any) -> None:
         raise error
 
-    monkeypatch.setattr(process, "run_drive", fail)
+    monkeypatch.setattr(computing, "run_drive", fail)
     drive = send(0)
     assert process_drive(context, drive.id, 1) is Outcome.FAILED
     failed = drive_now(context, drive.id)

@@ -15,7 +15,7 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
 from app.core.db import Sessions
-from app.drives import claims, intake, process
+from app.drives import claims, computing, intake, process
 from app.drives.documents import Drive
 from app.drives.process import Outcome
 from app.jobs.context import JobContext
@@ -52,7 +52,7 @@ def test_a_drive_deleted_while_it_runs_is_discarded(
 ) -> None:
     drive = send(0)
     remove = Disturbed(lambda: intake.remove_drive(context.sessions, drive.id))
-    monkeypatch.setattr(process, "run_drive", remove)
+    monkeypatch.setattr(computing, "run_drive", remove)
     assert process_drive(context, drive.id, 1) is Outcome.DISCARDED
     assert remove.runs == 1
     carry_out_removals(context.sessions, context.blobs)
@@ -67,7 +67,7 @@ def test_a_drive_asked_for_anew_while_it_runs_is_discarded(
 ) -> None:
     drive = send(0)
     again = Disturbed(lambda: intake.reprocess(context.sessions, drive.id, "dem"))
-    monkeypatch.setattr(process, "run_drive", again)
+    monkeypatch.setattr(computing, "run_drive", again)
     assert process_drive(context, drive.id, 1) is Outcome.DISCARDED
     assert drive_now(context, drive.id).status == "queued"
     assert process_drive(context, drive.id, 2) is Outcome.DONE
@@ -95,7 +95,7 @@ def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
             wishes=Wishes(accept_losses=True),
         )
     )
-    monkeypatch.setattr(process, "run_drive", reimport)
+    monkeypatch.setattr(computing, "run_drive", reimport)
     assert process_drive(context, drive.id, 2) is Outcome.DONE
     assert reimport.runs == 2
     disturbed = state(context)

@@ -140,7 +140,7 @@ def test_workers_at_once_end_where_one_after_the_other_does(context: JobContext,
     assert_same(at_once, rows_of(context.sessions))
 
 
-@pytest.mark.parametrize(("module", "last"), [(queue, "enqueue_solve"), (swap, "take_away")])
+@pytest.mark.parametrize(("module", "last"), [(queue, "enqueue_solve"), (swap, "delete_marks")])
 def test_a_killed_transaction_leaves_nothing_and_the_next_run_all(
     context: JobContext,
     send: Send,
@@ -164,7 +164,7 @@ def test_a_killed_transaction_leaves_nothing_and_the_next_run_all(
     assert process.is_connection_loss(caught.value)
     assert (rows_of(sessions), rows_of(sessions, "network_slopes")) == before
     with sessions() as session:
-        assert bool(segments.drive_segment_rows(session, drive.id)) == (last == "take_away")
+        assert bool(segments.drive_segment_rows(session, drive.id)) == (last == "delete_marks")
     process_drive(context, drive.id, 1)
     assert drive_now(context, drive.id).status == "done"
     assert rows_of(sessions) != before[0]

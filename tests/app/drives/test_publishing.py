@@ -224,7 +224,8 @@ def test_operators_are_told_which_square_it_is_and_who_waits(
             ),
             {"id": int(ids[4])},
         ).one()
-    assert (figures.cells_waiting, figures.cells_unsolved) == gauges.cells == (1, 1)
+    assert (figures.cells_waiting, figures.cells_unsolved) == (1, 1)
+    assert (gauges.plain["cells_waiting"], gauges.plain["cells_unsolved"]) == (1, 1)
     (one,) = figures.unsolved
     assert [one.cell] == shown(sessions, drive).unsolved
     assert (one.solvers, one.drives) == (marks.PATIENCE + 1, [drive])

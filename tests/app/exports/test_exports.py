@@ -19,14 +19,9 @@ from sqlalchemy import text
 
 from app.core.blobs import EXPORTS, BlobStore
 from app.exports import run as runs
-from app.exports.run import EXPORT
-from app.exports.store import exports
+from app.jobs import task
 from app.jobs.context import JobContext
-from app.jobs.requests import run as machine
-from app.jobs.requests import upkeep
-from app.jobs.requests.run import perform
-from app.jobs.task import Interrupted
-from app.jobs.task import Work as Given
+from app.jobs.requests import run, upkeep
 from problem_support import check
 from web_fixtures import Web
 
@@ -236,12 +231,12 @@ def test_a_list_is_paged_newest_first(driven: Web) -> None:
 
 
 def test_a_removed_export_is_cancelled_and_its_file_gone(driven: Web, work: Work) -> None:
-    waiting, done = ask(driven), None
+    waiting = ask(driven)
     for _ in range(2):
         assert driven.client.delete(f"/v1/exports/{waiting['id']}").status_code == 204
     assert seen(driven, waiting)["status"] == "cancelled"
     removed = uuid.UUID(waiting["id"])
-    assert perform(EXPORT, driven.context, removed, Given(bool, nullcontext)) == "unwanted"
+    assert run.perform(runs.EXPORT, driven.context, removed, task.Work(bool, nullcontext)) == "unwanted"
     done = ask(driven)
     assert done["id"] != waiting["id"]
     work(driven)
@@ -274,26 +269,26 @@ def scratch(web: Web) -> list[Path]:
 
 def test_a_worker_that_stops_puts_it_back_and_one_that_died_is_replaced(driven: Web, work: Work) -> None:
     export = ask(driven)
-    context, number = JobContext(driven.settings, driven.sessions), uuid.UUID(export["id"])
-    with pytest.raises(Interrupted):
-        perform(EXPORT, context, number, Given(lambda: True, nullcontext))
+    number, stopping = uuid.UUID(export["id"]), task.Work(lambda: True, nullcontext)
+    with pytest.raises(task.Interrupted):
+        run.perform(runs.EXPORT, driven.context, number, stopping)
     assert seen(driven, export)["status"] == "queued"
     assert scratch(driven) == []
     with driven.sessions.begin() as session:
-        dead = exports.claim(session, number)
+        dead = runs.exports.claim(session, number)
     assert dead is not None
     assert seen(driven, export)["status"] == "running"
     assert work(driven) == ["done"]
     with driven.sessions.begin() as session:
-        assert not exports.update(session, dead, progress=0.5), "the older run has nothing to say any more"
+        assert not runs.exports.update(session, dead, progress=0.5), "the older run writes nothing more"
     assert seen(driven, export)["progress"] == 1
 
 
 def test_it_lets_drives_go_first_some_times_and_then_ends(
     driven: Web, work: Work, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
-    monkeypatch.setattr(machine, "OTHERS_WAIT_S", 0.0)
+    monkeypatch.setattr(run, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(run, "OTHERS_WAIT_S", 0.0)
     monkeypatch.setattr("app.exports.source.PARTS_APART", 1)
     export = ask(driven)
     with driven.sessions.begin() as session:
@@ -301,7 +296,7 @@ def test_it_lets_drives_go_first_some_times_and_then_ends(
             text("INSERT INTO procrastinate_jobs (queue_name, task_name) VALUES ('drives', 'process_drive')")
         )
     for _ in range(runs.MOST_YIELDS):
-        with pytest.raises(Interrupted):
+        with pytest.raises(task.Interrupted):
             work(driven)
         assert seen(driven, export)["status"] == "queued"
     assert work(driven) == ["done"]
@@ -327,24 +322,23 @@ def test_old_exports_go_and_so_do_files_that_nobody_refers_to(
     work(driven)
     with driven.sessions.begin() as session:
         session.execute(text("UPDATE exports SET expires_at = now() WHERE id = :id"), {"id": old["id"]})
-    upkeep.look_after(EXPORT, driven.context)
+    upkeep.look_after(runs.EXPORT, driven.context)
     check(driven.client.get(f"/v1/exports/{old['id']}"), 404)
     assert fetch(driven, kept).status_code == 200
     blobs = BlobStore(driven.settings.blob_store_url, EXPORTS)
     with blobs.writer() as writer:
         writer.write(b"of a worker that was killed")
         orphan = writer.finish().key
-    assert upkeep.sweep_files(EXPORT, driven.context) == [], "it may be about to be referred to"
+    assert upkeep.sweep_files(runs.EXPORT, driven.context) == [], "it may be about to be referred to"
     monkeypatch.setattr(upkeep, "ORPHAN_AGE", timedelta(0))
-    assert upkeep.sweep_files(EXPORT, driven.context) == [orphan]
+    assert upkeep.sweep_files(runs.EXPORT, driven.context) == [orphan]
     assert fetch(driven, kept).status_code == 200
     small = driven.settings.model_copy(update={"exports_max_bytes": 1})
-    upkeep.look_after(EXPORT, JobContext(small, driven.sessions))
+    upkeep.look_after(runs.EXPORT, JobContext(small, driven.sessions))
     assert files(driven) == []
 
 
-def test_the_newest_stay_where_all_together_are_too_large(driven: Web, work: Work) -> None:
-    """At once, not when somebody looks."""
+def test_the_newest_stay_at_once_where_all_together_are_too_large(driven: Web, work: Work) -> None:
     first = ask(driven)
     work(driven)
     size = seen(driven, first)["size_bytes"]

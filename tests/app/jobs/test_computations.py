@@ -13,7 +13,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.jobs.computations import Witness, charge, forget_gone
+from app.jobs.computations import Liveness, charge, forget_gone
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 _PROGRAM = """
@@ -29,7 +29,7 @@ time.sleep(600)
 """
 
 _CUT = text(
-    "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'versant witness'"
+    "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'versant liveness'"
     " AND datname = current_database()"
 )
 
@@ -61,7 +61,7 @@ def await_backends(sessions: Sessions) -> None:
     """The server notices within milliseconds that a client is gone; wait for it."""
     query = text(
         "SELECT count(*) FROM pg_stat_activity"
-        " WHERE application_name = 'versant witness' AND datname = current_database()"
+        " WHERE application_name = 'versant liveness' AND datname = current_database()"
     )
     deadline = time.monotonic() + 1.0
     while time.monotonic() < deadline:
@@ -92,48 +92,48 @@ def test_a_death_does_not_count_when_the_server_was_away(sessions: Sessions, die
 
 
 def test_who_is_silent_and_lives_did_not_die(sessions: Sessions, database_url: str) -> None:
-    witness = Witness(database_url)
-    with witness.computing(7), sessions.begin() as session:
+    liveness = Liveness(database_url)
+    with liveness.computing(7), sessions.begin() as session:
         assert charge(session, 7) == 0
-    witness.close()
+    liveness.close()
 
 
 def test_a_stopping_process_blames_nobody(sessions: Sessions, database_url: str) -> None:
-    witness = Witness(database_url)
-    with witness.computing(7):
-        witness.stop()
-        with witness.computing(8):
-            witness.close()
+    liveness = Liveness(database_url)
+    with liveness.computing(7):
+        liveness.stop()
+        with liveness.computing(8):
+            liveness.close()
             assert deaths(sessions) == 0
             with sessions() as session:
                 assert session.execute(text("SELECT job_id, since FROM computations")).all() == [(7, None)]
-    witness.close()
+    liveness.close()
 
 
 def test_a_mark_goes_although_its_connection_was_cut(sessions: Sessions, database_url: str) -> None:
-    witness = Witness(database_url)
-    with witness.computing(7), sessions() as session:
+    liveness = Liveness(database_url)
+    with liveness.computing(7), sessions() as session:
         assert session.execute(_CUT).scalar_one()
-    witness.close()
+    liveness.close()
     assert deaths(sessions) == 0
 
 
 def test_who_was_cut_off_and_computes_on_did_not_die(sessions: Sessions, database_url: str) -> None:
-    witness = Witness(database_url)
-    with witness.computing(7):
+    liveness = Liveness(database_url)
+    with liveness.computing(7):
         with sessions() as session:
             assert session.execute(_CUT).scalar_one()
-        witness.look()
+        liveness.look()
         assert deaths(sessions) == 0
-        witness.look()
+        liveness.look()
         with sessions() as session:
             marked = text("SELECT since FROM computations WHERE since IS NOT NULL")
             assert session.execute(marked).first() is None, "whoever looks after it has taken it"
-    witness.close()
+    liveness.close()
 
 
 def test_the_end_of_an_old_run_leaves_the_mark_of_a_new_one(sessions: Sessions, database_url: str) -> None:
-    old, new = Witness(database_url), Witness(database_url)
+    old, new = Liveness(database_url), Liveness(database_url)
     with old.computing(7):
         begun = new.computing(7)
         begun.__enter__()
@@ -149,13 +149,13 @@ def test_the_end_of_an_old_run_leaves_the_mark_of_a_new_one(sessions: Sessions, 
 
 def test_what_is_left_of_jobs_that_are_gone_goes(sessions: Sessions, database_url: str) -> None:
     """A job's end that the database could not be told of."""
-    witness = Witness(database_url)
+    liveness = Liveness(database_url)
     with sessions.begin() as session:
         waits = add_waiting_job(session)
     for job in (7, waits):
-        with witness.computing(job):
+        with liveness.computing(job):
             pass
-    witness.close()
+    liveness.close()
     with sessions.begin() as session:
         forget_gone(session)
         assert session.execute(text("SELECT job_id FROM computations")).scalars().all() == [waits]

@@ -12,7 +12,7 @@ from sqlalchemy.exc import OperationalError
 
 from app.core.db import Sessions
 from app.jobs import runs
-from app.jobs.computations import Witness
+from app.jobs.computations import Liveness
 from app.jobs.runs import LONGEST_PAUSE_S, MAX_DEATHS, Runs, make_queue
 from app.jobs.task import Interrupted, Kind, Task, Work, add_job
 from fusion.errors import FusionError
@@ -25,7 +25,7 @@ class Desk:
 
     def __init__(self, url: str, sessions: Sessions) -> None:
         self.url, self.sessions = url, sessions
-        self.runs = Runs(Witness(url), limit_s=3600.0)
+        self.runs = Runs(Liveness(url), limit_s=3600.0)
         self.said: list[tuple[Any, ...]] = []
         self.kinds = (Kind("plain"), Kind("urgent", priority=5))
 
@@ -79,7 +79,7 @@ class Desk:
 def desk(database_url: str, sessions: Sessions) -> Iterator[Desk]:
     desk = Desk(database_url, sessions)
     yield desk
-    desk.runs.witness.close()
+    desk.runs.liveness.close()
 
 
 def test_every_task_of_the_list_is_run_the_urgent_first(desk: Desk) -> None:

@@ -141,7 +141,7 @@ def test_what_a_window_needs_is_found_by_the_index(sessions: Sessions, chain: Ch
     assert "ix_segments_geom" in plans[0]
     assert "Seq Scan on segments" not in plans[0]
     with sessions() as session:
-        values = {"ids": np.arange(1, 200), "regions": [33 << 6 | 21]}
+        values = {"ids": np.arange(1, 200), "partitions": [33 << 6 | 21]}
         lines = fetch_binary(session, "EXPLAIN " + surroundings.KNOWN, values)
     plan = "\n".join(line for (line,) in lines)
     assert "Append" not in plan  # of all parts of the passes one is looked into

@@ -119,7 +119,7 @@ def test_the_report_of_the_one_that_is_not_heard_says_so(
         told = {one: drives.get_drive(session, one) for one in (weak, strong)}
     first, second = told[weak].report["warnings"]  # type: ignore[union-attr, index]
     assert first == "first"
-    assert f"the same drive as {strong}" in second
+    assert f"a duplicate of {strong}" in second
     assert told[strong].report["warnings"] == ["first"]  # type: ignore[union-attr, index]
 
 
@@ -222,7 +222,7 @@ def test_what_is_decided_one_by_one_is_what_is_decided_at_once(
         drive(sessions, chain(), segment_ids, rows, apart_s, first)
     with sessions() as session:
         every = set(session.execute(text("SELECT id FROM drives")).scalars())
-        rows_, again = duplicates._decided(session, duplicates._together(session, every))
+        rows_, again = duplicates._assign(session, duplicates._connected(session, every))
         assert {row.id for row in rows_} == every
         named = {row.id: rows_[again[k]].id if k in again else None for k, row in enumerate(rows_)}
         assert {row.id: row.duplicate_of for row in rows_} == named

@@ -42,7 +42,7 @@ def solve_some(sessions: Sessions, how: str) -> None:
         swap.solve_marked(sessions)
     else:
         with pytest.MonkeyPatch.context() as patch, suppress(Death):
-            patch.setattr(swap, {"died before": "swap", "died after": "take_away"}[how], die)
+            patch.setattr(swap, {"died before": "swap", "died after": "delete_marks"}[how], die)
             swap.solve_marked(sessions)
 
 

@@ -98,9 +98,14 @@ def test_figures_of_drives_and_roads_read_no_whole_table(
         before = scanned(session)
         figures, gauges = stats.read_stats(session), metrics.read_gauges(session)
         assert scanned(session) == before
-    assert (figures.segments, figures.drives, figures.queue_depth, gauges.queue_depth) == (40, 100, 1, 1)
+    assert (figures.segments, figures.drives, figures.queue_depth, gauges.plain["queue_depth"]) == (
+        40,
+        100,
+        1,
+        1,
+    )
     assert figures.drives_by_status == gauges.drives_by_status == {"done": 74, "failed": 25, "queued": 1}
-    assert gauges.oldest_wait_s > 0
+    assert gauges.plain["queue_oldest_wait_seconds"] > 0
 
 
 def test_the_length_of_roads_that_no_import_noted_is_summed(

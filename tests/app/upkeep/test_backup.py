@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from app.changes import store as changes
 from app.changes.webhooks.store import add_webhook, list_webhooks
 from app.cli import app
-from app.core import databases
+from app.core import databases, migrate
 from app.core.blobs import BlobStore
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.errors import GoneError
@@ -282,6 +282,40 @@ def test_a_restore_that_fails_leaves_an_empty_database(
     (copy / manifest.dump.path).write_bytes(whole)
     assert bringing_back.restore(where, there, copy, manifest).logs == 0
     assert statuses(there) == ["queued"]
+
+
+def test_a_backup_of_the_schema_before_the_plain_names_is_migrated(
+    upload: Upload, database_url: str, sessions: Sessions, settings: Settings, empty: tuple[Settings, Sessions],
+    copy: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    first, second = upload(b"first"), upload(b"second")
+    migrate.downgrade(database_url, "0027")
+    with sessions.begin() as session:
+        values = {"first": first.id, "second": second.id}
+        session.execute(text("UPDATE drives SET same_as = :first WHERE id = :second"), values)
+        session.execute(text("INSERT INTO squares_to_draw (level, square) VALUES (12, 5)"))
+        session.execute(
+            text(
+                "INSERT INTO webhooks (id, url, secret, events, told) "
+                "VALUES (gen_random_uuid(), 'https://example.org', 's', '{segments.changed}', 'v.7')"
+            )
+        )
+    assert back_up(settings, sessions, copy).versions["revision"] == "0027"
+    where, there = empty
+    monkeypatch.setenv("VERSANT_DATABASE_URL", str(where.database_url))
+    monkeypatch.setenv("VERSANT_DATA_DIR", str(where.data_dir))
+    done = runner.invoke(app, ["restore", str(copy)])
+    assert done.exit_code == 0, done.output
+    migrate.upgrade(str(where.database_url))
+    with there() as session:
+        assert session.execute(text("SELECT id, duplicate_of FROM drives ORDER BY created_at")).all() == [
+            (first.id, None),
+            (second.id, first.id),
+        ]
+        assert session.execute(text("SELECT level, cell FROM cells_to_draw")).all() == [(12, 5)]
+        (webhook,) = list_webhooks(session)
+    assert (webhook.reported_version, webhook.active) == ("v.7", False)
+    migrate.check(str(where.database_url))
 
 
 def test_the_commands(

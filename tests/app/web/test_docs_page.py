@@ -12,12 +12,12 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 from app.core.settings import Settings
+from app.web.docs import MOVED
 from browser_fixtures import Tab
 from web_fixtures import Web
 
 THEMES = ("light", "dark")
 PHONE = {"width": 390, "height": 844}
-GUIDE = "operation"
 
 
 @pytest.mark.parametrize("theme", THEMES)
@@ -28,8 +28,9 @@ def test_api_and_guides_are_without_faults(web: Web, tab_maker: Callable[..., Ta
     for name in ("GET /v1/drives List drives", "POST /v1/webhooks Be told of events"):
         tab.page.locator("summary", has_text=name).click()
     assert tab.faults() == []
-    tab.page.goto(f"{web.base}/docs/methods")
-    tab.page.get_by_role("heading", name="The methods").wait_for()
+    tab.page.goto(f"{web.base}/docs/reference/methods")
+    tab.page.get_by_role("heading", name="Methods and their options").wait_for()
+    tab.page.get_by_role("link", name="The plan of the house").wait_for()
     assert tab.faults() == []
 
 
@@ -60,27 +61,70 @@ def test_an_address_opens_what_it_names(web: Web, tab: Tab) -> None:
 
 def test_guides_lead_to_each_other_and_to_files(web: Web, tab_maker: Callable[..., Tab]) -> None:
     tab = tab_maker(viewport=PHONE)
-    tab.page.goto(f"{web.base}/docs/architecture")
-    tab.page.locator("article a[href='/docs/network#old-passes']").first.click()
-    tab.page.wait_for_url("**/docs/network#old-passes")
-    tab.page.locator("#old-passes").wait_for()
-    tab.page.wait_for_function("document.getElementById('old-passes').getBoundingClientRect().top < 300")
-    assert tab.page.title() == "The model of the network – Versant"
+    tab.page.goto(f"{web.base}/docs/how-to/record")
+    tab.page.locator("article a[href='/docs/reference/log-formats']").first.click()
+    tab.page.wait_for_url("**/docs/reference/log-formats")
+    tab.page.goto(f"{web.base}/docs/explanation/security#under-attack")
+    tab.page.locator("#under-attack").wait_for()
+    tab.page.wait_for_function("document.getElementById('under-attack').getBoundingClientRect().top < 300")
+    assert tab.page.title() == "Security – Versant"
     # Wide tables scroll by themselves; the page does not.
     assert tab.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-    tab.page.goto(f"{web.base}/docs/experiments")
+    tab.page.goto(f"{web.base}/docs/published/al-assaad-2020")
     picture = tab.page.locator("article img").first
     picture.wait_for()
     assert picture.evaluate("one => one.decode().then(() => one.naturalWidth)") > 100
-    tab.page.goto(f"{web.base}/docs/{GUIDE}")
+    tab.page.goto(f"{web.base}/docs/reference/monitoring")
     file = tab.page.locator("article a[href$='.json']").first
     assert web.client.get(str(file.get_attribute("href"))).json()["panels"]
 
 
+def test_a_guide_is_in_the_answer_itself(reading: Any) -> None:
+    answer = reading.client.get("/docs/how-to/record")
+    assert answer.status_code == 200
+    assert '<article lang="en" class="guide"><h1 id="record-a-drive">' in answer.text
+    again = reading.client.get("/docs/how-to/record", headers={"If-None-Match": answer.headers["etag"]})
+    assert again.status_code == 304
+    assert "unsafe" not in answer.headers["content-security-policy"]
+
+
+def test_every_page_is_listed_shown_and_leads_somewhere(reading: Any) -> None:
+    listed = [
+        page for section in reading.client.get("/docs/contents.json").json() for page in section["pages"]
+    ]
+    assert len(listed) > 30
+    known: dict[str, int] = {}
+    for name in (page["name"] for page in listed):
+        answer = reading.client.get(f"/docs/{name}")
+        assert answer.status_code == 200, name
+        text = answer.text.partition('class="guide">')[2].partition("</article>")[0]
+        assert not re.search(r"<script|<style|<iframe|\sstyle=|\son\w+=", text), name
+        page = Links(text)
+        for address in {one.partition("#")[0] for one in (*page.links, *page.loaded)} - {""}:
+            if not address.startswith("http"):
+                known.setdefault(address, reading.client.get(address).status_code)
+                assert known[address] == 200, f"{name}: {address}"
+
+
+@pytest.mark.parametrize("name", MOVED)
+def test_old_addresses_lead_to_the_new_ones(reading: Any, name: str) -> None:
+    answer = reading.client.get(f"/docs/{name}", follow_redirects=False)
+    assert answer.status_code == 301
+    assert reading.client.get(answer.headers["location"]).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "path", ["../pyproject.toml", "%2e%2e/pyproject.toml", "conf.py", "files", "index.md/x"]
+)
+def test_nothing_beside_the_documents_is_served(reading: Any, path: str) -> None:
+    assert reading.client.get(f"/docs/{path}").status_code == 404
+
+
 def test_a_guide_that_there_is_not(web: Web, tab: Tab) -> None:
+    tab.expected.append("404")
     tab.page.goto(f"{web.base}/docs/nothing%3Cb%3E")
     tab.page.get_by_role("heading", name="There is no such guide").wait_for()
-    assert tab.page.get_by_role("link", name="The house").is_visible()
+    tab.page.get_by_role("link", name="The plan of the house").wait_for()
 
 
 class Links(HTMLParser):
@@ -108,7 +152,11 @@ def test_the_documentation_says_all_routes_without_scripts(reading: Any) -> None
     for address in {address.partition("#")[0] for address in (*page.links, *page.loaded)}:
         assert reading.client.get(address).status_code == 200, address
     plain = reading.client.get("/openapi.json?f=html").text
-    assert all(f'id="{address.partition("#")[2]}"' in plain for address in page.links if "#" in address)
+    parts = [
+        address.partition("#")[2] for address in page.links if address.startswith("/openapi.json?f=html#")
+    ]
+    assert parts
+    assert all(f'id="{part}"' in plain for part in parts)
     for path in reading.client.get("/openapi.json").json()["paths"]:
         assert path in answer.text
 

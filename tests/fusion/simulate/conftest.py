@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.demonstration import Demonstration, write_all
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import Town, make_town
 
@@ -21,5 +21,5 @@ def several(town: Town) -> list[SimulatedDrive]:
 
 
 @pytest.fixture(scope="session")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     return write_all(tmp_path_factory.mktemp("bundle"), drives=6, seed=3, duration_s=240.0)

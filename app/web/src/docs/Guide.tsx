@@ -2,9 +2,15 @@
 import { useEffect, useRef } from "preact/hooks";
 import { t } from "../shared/texts";
 
-/** What the service put into the page; null: there is no such page. Read before anything else is drawn in its place. */
-export const guideHtml = document.querySelector("#page > article.guide")?.innerHTML ?? null;
-export const guideTitle = document.querySelector("#page > article.guide h1")?.textContent ?? null;
+/** What the service put into the page; null: there is no such page. */
+const served = document.querySelector("#page > article.guide");
+const guideHtml = served?.innerHTML ?? null;
+export const guideTitle = served?.querySelector("h1")?.textContent ?? null;
+
+/** Takes the served text away: call it when the page is drawn, which shows it in its place. */
+export function removeServed(): void {
+  served?.remove();
+}
 
 /** The text, or that there is none of that name. */
 export function GuideText({ name }: { name: string }) {

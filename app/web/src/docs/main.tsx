@@ -1,12 +1,12 @@
 /** The documentation: `/docs` lists the guides and describes the API, `/docs/{name}` is one guide. */
-import { useEffect, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useState } from "preact/hooks";
 import { getJson } from "../shared/api";
 import { errorText } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
 import { t } from "../shared/texts";
 import "./docs.css";
 import { type Section, sectionsWith } from "./contents";
-import { GuideText, guideTitle } from "./Guide";
+import { GuideText, guideTitle, removeServed } from "./Guide";
 import { type ApiDocument, groupsOf, matching } from "./openapi";
 import { Prose } from "./Prose";
 import { Reference } from "./Reference";
@@ -93,6 +93,7 @@ function Content() {
   const [api, setApi] = useState<ApiDocument | null>(null);
   const [sections, setSections] = useState<Section[]>([]);
   const [problem, setProblem] = useState<string | null>(null);
+  useLayoutEffect(removeServed, []);
   useEffect(() => {
     getJson<Section[]>("/docs/contents.json").then(setSections, (error) => setProblem(errorText(error)));
     if (current !== null) return;

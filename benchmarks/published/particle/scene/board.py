@@ -79,8 +79,7 @@ class Board:
         points = at(line, places)
         inner = [self.plan.node(x, y) for x, y in points[1:-1]]
         first, last = (
-            self.plan.node(*points[k]) if given is None else given
-            for k, given in ((0, ends[0]), (-1, ends[1]))
+            self.plan.node(*points[k]) if end is None else end for k, end in ((0, ends[0]), (-1, ends[1]))
         )
         nodes = [first, *inner, last]
         centres = (places[1:] + places[:-1]) / 2

@@ -76,16 +76,16 @@ def write_raster(town: Town, path: Path, model: str = "aster") -> None:
 
     Raises ``UnknownNameError`` for another name.
     """
-    wanted = DEM_MODELS[model]
-    x, y, transform = _posts(town, wanted)
-    heights = _surface(town, x, y, wanted.blur_m) + raster_error(town, wanted)
-    _write(path, np.round(heights) if wanted.dtype == "int16" else heights, wanted, transform, "m")
+    dem_model = DEM_MODELS[model]
+    x, y, transform = _posts(town, dem_model)
+    heights = _surface(town, x, y, dem_model.blur_m) + raster_error(town, dem_model)
+    _write(path, np.round(heights) if dem_model.dtype == "int16" else heights, dem_model, transform, "m")
 
 
 def write_quality(town: Town, path: Path, model: str = "aster") -> None:
     """Write the number of scenes behind each post, as ASTER's NUM files do, on the same grid as the raster."""
-    wanted = DEM_MODELS[model]
-    _write(path, scene_numbers(town, wanted), wanted, _posts(town, wanted)[2], "")
+    dem_model = DEM_MODELS[model]
+    _write(path, scene_numbers(town, dem_model), dem_model, _posts(town, dem_model)[2], "")
 
 
 def scene_numbers(town: Town, model: DemModel) -> Ints:
@@ -156,11 +156,11 @@ def earthworks(town: Town, x_m: Floats, y_m: Floats) -> Floats:
     rise = town.road_height(segment, share) - town.height(px, py)
     points = np.column_stack([np.ravel(x_m), np.ravel(y_m)])
     far, near = cKDTree(np.column_stack([px, py])).query(points, distance_upper_bound=_REACH_M)
-    known = np.isfinite(far)
+    finite = np.isfinite(far)
     bank = np.zeros(len(points))
-    height = rise[near[known]]
-    side = np.maximum(far[known] - _HALF_CROWN_M, 0.0) * _BANK
-    bank[known] = np.sign(height) * np.maximum(np.abs(height) - side, 0.0)
+    height = rise[near[finite]]
+    side = np.maximum(far[finite] - _HALF_CROWN_M, 0.0) * _BANK
+    bank[finite] = np.sign(height) * np.maximum(np.abs(height) - side, 0.0)
     return bank.reshape(np.shape(x_m))
 
 

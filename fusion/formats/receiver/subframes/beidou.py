@@ -11,14 +11,13 @@ import numpy as np
 
 from fusion.formats.base import Notes
 from fusion.formats.receiver.subframes.bits import (
-    NOT_THEN,
     SEMICIRCLE,
     Layout,
     Pages,
     complete_sets,
     count,
-    in_time,
-    nearest,
+    dated,
+    ephemerides,
     numbers,
     read,
     signed,
@@ -123,7 +122,7 @@ def _read_d1(pages: Pages, notes: Notes) -> KeplerEphemerides:
     frame = (sent_s - SUBFRAME_S * (subframe - 1)).astype(np.int64)
     rows = complete_sets(pages.number, subframe, frame, sent_s, (1, 2, 3), 5 * SUBFRAME_S, notes)
     values = {name: c for p in D1 for name, c in read(pages.bits[rows[:, p - 1]], D1[p]).items()}
-    values["toe"] = values.pop("toe_high") + values.pop("toe_low")
+    values["toe"] = values["toe_high"] + values["toe_low"]
     return _ephemerides(values, pages.number[rows[:, 0]], sent_s[rows[:, 0]], notes)
 
 
@@ -143,27 +142,13 @@ def _read_d2(pages: Pages, notes: Notes) -> KeplerEphemerides:
 def _dated(pages: Pages, notes: Notes) -> tuple[Pages, Floats, Ints]:
     """The sound subframes, when they were sent (GPS seconds), and which they are."""
     head = read(pages.bits, HEAD)
-    sound = (head["preamble"] == PREAMBLE) & (head["subframe"] > 0) & (head["subframe"] < 6)
-    sound &= head["sow"] < WEEK_S
-    notes.skip(NO_HEAD, int(np.count_nonzero(~sound)))
-    sent_s = nearest(pages.near_s, head["sow"] + BEIDOU_LATE_S, WEEK_S)
-    sound[sound] = in_time(sent_s[sound], pages.near_s[sound], notes)
-    return pages.take(sound), sent_s[sound], head["subframe"][sound].astype(np.int64)
+    own_s = np.where(head["sow"] < WEEK_S, head["sow"] + BEIDOU_LATE_S, np.nan)
+    return dated(pages, head, PREAMBLE, own_s, NO_HEAD, notes)
 
 
 def _ephemerides(values: dict[str, Floats], number: Ints, sent_s: Floats, notes: Notes) -> KeplerEphemerides:
     week = np.floor((sent_s - BEIDOU_LATE_S) / WEEK_S) - BEIDOU_WEEK_0
-    of_week = week % 8192 == values.pop("week")
-    notes.skip(NOT_THEN, int(np.count_nonzero(~of_week)))
-    columns = {
-        "system": np.full(len(number), BEIDOU),
-        "number": number,
-        "toe_s": nearest(sent_s, values.pop("toe") + BEIDOU_LATE_S, WEEK_S),
-        "toc_s": nearest(sent_s, values.pop("toc") + BEIDOU_LATE_S, WEEK_S),
-        "sent_s": sent_s,
-        "healthy": values.pop("health") == 0,
-        "accuracy_m": user_range_accuracy_m(values.pop("accuracy_index")),
-        "issue": values.pop("issue").astype(np.int64),
-        **values,
-    }
-    return KeplerEphemerides(**{name: column[of_week] for name, column in columns.items()})
+    values["healthy"] = values["health"] == 0
+    values["accuracy_m"] = user_range_accuracy_m(values["accuracy_index"])
+    of_week = week % 8192 == values["week"]
+    return ephemerides(BEIDOU, number, sent_s, values, of_week, notes, late_s=BEIDOU_LATE_S)

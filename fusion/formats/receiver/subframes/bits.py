@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fusion.formats.base import Notes
+from fusion.signals import WEEK_S, KeplerEphemerides
 from fusion.types import Bools, Floats, Ints
 
 Bits = NDArray[np.uint8]
@@ -136,6 +137,50 @@ def in_time(own_s: Floats, near_s: Floats, notes: Notes) -> Bools:
     fits = np.abs(own_s - near_s) <= _TOLERANCE_S
     notes.skip(NOT_THEN, int(np.count_nonzero(~fits)))
     return np.asarray(fits)
+
+
+def dated(
+    pages: Pages, head: Mapping[str, Floats], preamble: int, own_s: Floats, reason: str, notes: Notes
+) -> tuple[Pages, Floats, Ints]:
+    """The sound subframes, when they were sent (GPS seconds), and which they are.
+
+    ``own_s`` (n,) are the seconds of the GPS week at which subframes say that they were sent. One without preamble or
+    number, or (NaN) without a time, is counted under ``reason``.
+    """
+    sound = (
+        (head["preamble"] == preamble) & (head["subframe"] > 0) & (head["subframe"] < 6) & ~np.isnan(own_s)
+    )
+    notes.skip(reason, int(np.count_nonzero(~sound)))
+    sent_s = nearest(pages.near_s, own_s, WEEK_S)
+    sound[sound] = in_time(sent_s[sound], pages.near_s[sound], notes)
+    return pages.take(sound), sent_s[sound], head["subframe"][sound].astype(np.int64)
+
+
+def ephemerides(
+    system: int,
+    number: Ints,
+    sent_s: Floats,
+    values: dict[str, Floats],
+    of_week: Bools,
+    notes: Notes,
+    late_s: float = 0.0,
+) -> KeplerEphemerides:
+    """What complete sets say, as ephemerides; those that are not ``of_week``, the week around, are counted.
+
+    ``values`` (n,) by name hold those of ``KeplerEphemerides`` under its names, ``toe`` and ``toc`` in seconds of the
+    week of a time ``late_s`` behind GPS, and an ``issue``.
+    """
+    notes.skip(NOT_THEN, int(np.count_nonzero(~of_week)))
+    columns = {
+        **values,
+        "system": np.full(len(number), system),
+        "number": number,
+        "toe_s": nearest(sent_s, values["toe"] + late_s, WEEK_S),
+        "toc_s": nearest(sent_s, values["toc"] + late_s, WEEK_S),
+        "sent_s": sent_s,
+        "issue": values["issue"].astype(np.int64),
+    }
+    return KeplerEphemerides(**{spec.name: columns[spec.name][of_week] for spec in fields(KeplerEphemerides)})
 
 
 def complete_sets(

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from fusion.formats.base import Notes
 from fusion.formats.receiver.subframes.bits import (
-    NOT_THEN,
     SEMICIRCLE,
     Bits,
     Layout,
     Pages,
     complete_sets,
     count,
+    ephemerides,
     in_time,
     nearest,
     numbers,
@@ -162,23 +162,9 @@ def _ephemerides(pages: Pages, rows: Ints, sent_s: Floats, notes: Notes) -> Kepl
         for name, c in read(pages.bits[rows[:, k]], PARTS[part]).items()
     }
     of_week = (np.floor(sent_s / WEEK_S) - WEEK_0) % 4096 == values["week"]
-    notes.skip(NOT_THEN, int(np.count_nonzero(~of_week)))
-    healthy = (values["health"] == 0) & (values["invalid"] == 0)
-    columns = {
-        "system": np.full(len(rows), GALILEO),
-        "number": pages.number[rows[:, 0]],
-        "toe_s": nearest(sent_s, values.pop("toe"), WEEK_S),
-        "toc_s": nearest(sent_s, values.pop("toc"), WEEK_S),
-        "sent_s": sent_s,
-        "healthy": healthy,
-        "accuracy_m": signal_accuracy_m(values.pop("accuracy_index")),
-        "issue": values.pop("issue").astype(np.int64),
-        **{
-            name: column for name, column in values.items() if name not in PARTS[5] or name == "group_delay_s"
-        },
-    }
-    del columns["satellite"]
-    return KeplerEphemerides(**{name: column[of_week] for name, column in columns.items()})
+    values["healthy"] = (values["health"] == 0) & (values["invalid"] == 0)
+    values["accuracy_m"] = signal_accuracy_m(values["accuracy_index"])
+    return ephemerides(GALILEO, pages.number[rows[:, 0]], sent_s, values, of_week, notes)
 
 
 def signal_accuracy_m(index: Floats) -> Floats:

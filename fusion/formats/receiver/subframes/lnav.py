@@ -10,14 +10,13 @@ import numpy as np
 
 from fusion.formats.base import Notes
 from fusion.formats.receiver.subframes.bits import (
-    NOT_THEN,
     SEMICIRCLE,
     Layout,
     Pages,
     complete_sets,
     count,
-    in_time,
-    nearest,
+    dated,
+    ephemerides,
     numbers,
     read,
     signed,
@@ -88,12 +87,8 @@ IONOSPHERE: Layout = {
 def read_lnav(pages: Pages, system: int, notes: Notes) -> tuple[KeplerEphemerides, tuple[float, ...] | None]:
     """Ephemerides, and of GPS the last ionosphere (alpha 0..3, beta 0..3) that was sent."""
     head = read(pages.bits, HEAD)
-    sound = (head["preamble"] == PREAMBLE) & (head["subframe"] > 0) & (head["subframe"] < 6)
-    sound &= head["count"] * SUBFRAME_S < WEEK_S
-    notes.skip(NO_HEAD, int(np.count_nonzero(~sound)))
-    sent_s = nearest(pages.near_s, (head["count"] - 1) * SUBFRAME_S, WEEK_S)
-    sound[sound] = in_time(sent_s[sound], pages.near_s[sound], notes)
-    pages, sent_s, subframe = pages.take(sound), sent_s[sound], head["subframe"][sound].astype(np.int64)
+    own_s = np.where(head["count"] * SUBFRAME_S < WEEK_S, (head["count"] - 1) * SUBFRAME_S, np.nan)
+    pages, sent_s, subframe = dated(pages, head, PREAMBLE, own_s, NO_HEAD, notes)
     ionosphere = _ionosphere(pages.take(subframe == 4)) if system == GPS else None
     orbit = subframe < 4
     pages, sent_s, subframe = pages.take(orbit), sent_s[orbit], subframe[orbit]
@@ -102,21 +97,10 @@ def read_lnav(pages: Pages, system: int, notes: Notes) -> tuple[KeplerEphemeride
     rows = complete_sets(pages.number, subframe, issue, sent_s, (1, 2, 3), _SAME_ISSUE_S, notes, status)
     values = {name: c for p in (1, 2, 3) for name, c in read(pages.bits[rows[:, p - 1]], PARTS[p]).items()}
     sent_s = sent_s[rows[:, 0]]
-    of_week = np.floor(sent_s / WEEK_S) % 1024 == values.pop("week")
-    notes.skip(NOT_THEN, int(np.count_nonzero(~of_week)))
-    values.pop("issue_of_clock")
-    columns = {
-        "system": np.full(len(rows), system),
-        "number": pages.number[rows[:, 0]],
-        "toe_s": nearest(sent_s, values.pop("toe"), WEEK_S),
-        "toc_s": nearest(sent_s, values.pop("toc"), WEEK_S),
-        "sent_s": sent_s,
-        "healthy": values.pop("health") == 0,
-        "accuracy_m": user_range_accuracy_m(values.pop("accuracy_index")),
-        **values,
-    }
-    columns["issue"] = columns["issue"].astype(np.int64)
-    return KeplerEphemerides(**{name: column[of_week] for name, column in columns.items()}), ionosphere
+    of_week = np.floor(sent_s / WEEK_S) % 1024 == values["week"]
+    values["healthy"] = values["health"] == 0
+    values["accuracy_m"] = user_range_accuracy_m(values["accuracy_index"])
+    return ephemerides(system, pages.number[rows[:, 0]], sent_s, values, of_week, notes), ionosphere
 
 
 def _issue(pages: Pages, subframe: Ints) -> Ints:

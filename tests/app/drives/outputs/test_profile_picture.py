@@ -103,7 +103,11 @@ def test_the_bands_are_95_percent_of_their_sigmas() -> None:
     p = profile(hill(gap_at=None))
     columns = ((p.alt_m, p.alt_sigma_m), (p.grade_percent, p.grade_sigma_percent))
     for axes, (value, sigma) in zip(pair(profile_figure(p, "a")), columns, strict=True):
-        corners = {(round(x, 9), round(y, 9)) for path in band(axes).get_paths() for x, y in path.vertices}  # type: ignore[union-attr]
+        corners = {
+            (round(x, 9), round(y, 9))
+            for path in band(axes).get_paths()
+            for x, y in np.asarray(path.vertices)
+        }
         for k, km in enumerate(p.distance_m / 1000):
             for end in (value[k] - NORMAL_95 * sigma[k], value[k] + NORMAL_95 * sigma[k]):
                 assert (round(km, 9), round(end, 9)) in corners

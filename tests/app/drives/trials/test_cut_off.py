@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from app.drives import process
+from app.drives import computing
 from app.drives.trials.run import TRIAL
 from app.drives.worker import run_worker
 from app.jobs.requests.run import perform
@@ -38,14 +38,14 @@ def tried(web: Web, address: str, *, stop: bool = False) -> str:
 def test_one_that_is_removed_while_it_runs_is_discarded(
     filled: Web, uploaded: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here, genuine = asked(filled, uploaded), process.run_drive
+    here, genuine = asked(filled, uploaded), computing.run_drive
 
     def remove(*arguments: Any, **options: Any) -> Any:
         assert filled.client.get(here).json()["status"] == "running"
         assert filled.client.delete(here).status_code == 204
         return genuine(*arguments, **options)
 
-    monkeypatch.setattr(process, "run_drive", remove)
+    monkeypatch.setattr(computing, "run_drive", remove)
     assert tried(filled, here) == "unwanted"
     check(filled.client.get(here), 404)
 
@@ -54,14 +54,14 @@ def test_two_runs_at_once_leave_one_result(
     filled: Web, uploaded: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The former worker was only cut off: its job came back and was run by another."""
-    here, genuine = asked(filled, uploaded), process.run_drive
+    here, genuine = asked(filled, uploaded), computing.run_drive
 
     def another(*arguments: Any, **options: Any) -> Any:
-        monkeypatch.setattr(process, "run_drive", genuine)
+        monkeypatch.setattr(computing, "run_drive", genuine)
         assert tried(filled, here) == "done"
         return genuine(*arguments, **options)
 
-    monkeypatch.setattr(process, "run_drive", another)
+    monkeypatch.setattr(computing, "run_drive", another)
     assert tried(filled, here) == "unwanted"
     assert filled.client.get(here).json()["status"] == "done"
 
@@ -103,7 +103,7 @@ def test_a_fault_of_the_service_is_said_to_be_one(
         raise ZeroDivisionError
 
     here = asked(filled, uploaded)
-    monkeypatch.setattr(process, "run_drive", fail)
+    monkeypatch.setattr(computing, "run_drive", fail)
     assert tried(filled, here) == "failed"
     failure = filled.client.get(here).json()["failure"]
     assert (failure["kind"], failure["stage"]) == ("internal", "estimating")

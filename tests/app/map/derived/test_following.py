@@ -204,7 +204,7 @@ def test_a_tile_of_the_fullest_squares_is_small(sessions: Sessions, level: int) 
 
 def fullest(rng: np.random.Generator, level: int, square: int, number: int) -> tuple[list[Course], Stretches]:
     """Winding roads all over a square, measured every one, with ids of a map of a hundred million segments."""
-    zoom, n, points = LEVELS[level].square_zoom, 400, 5
+    zoom, n, points = LEVELS[level].tile_zoom, 400, 5
     side = 2 * 20037508.342789244 / 2**zoom
     corner = np.array([square >> zoom, square & ((1 << zoom) - 1)]) * side - 20037508.342789244
     most = LEVELS[level].most_m

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.map.derived.levels import ABOVE, BELOW, DRAWN_LEVELS, LEVELS, children, parent, rank, square_of
+from app.map.derived.levels import ABOVE, BELOW, DRAWN_LEVELS, LEVELS, children, parent, rank, tile_of
 from app.map.derived.lines import courses, together_m
 
 Road = tuple[int, int, int, bool]
@@ -98,11 +98,11 @@ def test_what_hangs_together_is_measured_together() -> None:
 
 @given(st.integers(0, 2**28 - 1))
 def test_squares_lie_in_each_other(cell: int) -> None:
-    assert square_of(cell, 12) == cell
+    assert tile_of(cell, 12) == cell
     for level in DRAWN_LEVELS[:-1]:
-        square = square_of(cell, level)
+        square = tile_of(cell, level)
         above = parent(level, square)
-        assert above == square_of(cell, level - 2)
+        assert above == tile_of(cell, level - 2)
         assert square in children(level - 2, above)
     assert all(BELOW[above] == level for level, above in ABOVE.items())
 

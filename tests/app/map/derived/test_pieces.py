@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.map.derived.drawn_cells import all_roads, greater_roads
-from app.map.derived.drawn_store import Ends, changed_squares, stretches_of
+from app.map.derived.drawn_store import Ends, changed_tiles, stretches_of
 from app.map.derived.levels import LEVELS
 from app.map.derived.lines import Course
 from app.map.derived.pieces import ROOM_BYTES, Piece, Stretches, cut, pieces_of
@@ -250,9 +250,9 @@ def test_every_square_that_a_changed_piece_reaches_into_is_told() -> None:
     def met(*points: tuple[float, float]) -> set[tuple[int, int]]:
         square, made = x << 14 | y, piece(*points)
         there, gone = {square: {1: made}}, {square: {}}
-        found = changed_squares(12, there, gone)  # type: ignore[arg-type]
-        assert found == changed_squares(12, gone, there)  # type: ignore[arg-type]
-        assert changed_squares(12, there, there) == set()
+        found = changed_tiles(12, there, gone)  # type: ignore[arg-type]
+        assert found == changed_tiles(12, gone, there)  # type: ignore[arg-type]
+        assert changed_tiles(12, there, there) == set()
         return {((one >> 14) - x, (one & 16383) - y) for one in found}
 
     assert met((0.3, 0.3), (0.7, 0.7)) == {(0, 0)}

@@ -67,5 +67,5 @@ def test_only_the_latest_rows_are_kept(filled: Web) -> None:
     with filled.sessions.begin() as session:
         for k in range(5):
             audit.note(session, "somebody", "asked", k)
-        audit.prune(session, kept=2)
+        audit.prune(session, most=2)
     assert [row["subject"] for row in logged(filled)] == ["3", "4"]

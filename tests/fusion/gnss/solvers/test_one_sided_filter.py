@@ -45,11 +45,11 @@ def dense(problem: Problem, about: Floats, out: Pass) -> tuple[Floats, Floats]:
         here = slice(k * n, (k + 1) * n)
         if k:
             before = slice((k - 1) * n, k * n)
-            step(problem.drive, k, about[k - 1], moves, noise)
+            step(problem.motion, k, about[k - 1], moves, noise)
             shift = np.zeros(n)
-            if problem.drive.gyro >= 0:
-                shift = -moves[:, problem.drive.gyro] * about[k - 1, problem.drive.gyro]
-                shift[problem.drive.gyro] = 0.0
+            if problem.motion.gyro >= 0:
+                shift = -moves[:, problem.motion.gyro] * about[k - 1, problem.motion.gyro]
+                shift[problem.motion.gyro] = 0.0
             weight = np.linalg.inv(noise)
             both = np.hstack([-moves, np.eye(n)])
             span = slice(before.start, here.stop)
@@ -111,7 +111,7 @@ def test_dead_reckoning_is_a_circle() -> None:
     mean[4] = 1.0
     moves, noise = np.zeros((n, n)), np.zeros((n, n))
     for k in range(1, 60):
-        step(problem.drive, k, mean, moves, noise)
+        step(problem.motion, k, mean, moves, noise)
         mean = moves @ mean
         assert np.linalg.eigvalsh(noise).min() > -1e-12
     angle = 0.1 * 59 * 0.2

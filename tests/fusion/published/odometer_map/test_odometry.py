@@ -31,7 +31,7 @@ def velocity(speed: float, heading: float) -> np.ndarray:
     return speed * np.array([math.cos(heading), math.sin(heading)])
 
 
-def slopes(f: Callable[[np.ndarray], np.ndarray], at: np.ndarray, step: float = 1e-6) -> np.ndarray:
+def slopes(f: Callable[[np.ndarray], float | np.ndarray], at: np.ndarray, step: float = 1e-6) -> np.ndarray:
     """Central differences, shape (m, n)."""
     columns = []
     for k in range(len(at)):

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import rasterio
 
-from fusion.simulate.bundle import Bundle
+from fusion.simulate.demonstration import Demonstration
 from fusion.simulate.scene.town import Town, make_town
 from fusion.simulate.write import dem_file
 from fusion.simulate.write.dem_file import ERROR_LENGTH_M, ERROR_SIGMA_M, dem_heights, write_dem
 
 
-def test_the_elevation_raster_is_the_ground_with_its_errors(bundle: Bundle) -> None:
+def test_the_elevation_raster_is_the_ground_with_its_errors(bundle: Demonstration) -> None:
     town = bundle.town
     with rasterio.open(bundle.dem) as source:
         assert source.crs.is_geographic

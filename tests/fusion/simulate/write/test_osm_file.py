@@ -10,7 +10,7 @@ import osmium
 import pytest
 
 from fusion.roads.osm import read_roads
-from fusion.simulate.bundle import Bundle
+from fusion.simulate.demonstration import Demonstration
 from fusion.simulate.scene.town import make_town
 from fusion.simulate.write.osm_file import write_osm
 
@@ -25,7 +25,7 @@ def test_the_map_reads_back_as_the_same_roads(tmp_path: Path, seed: int) -> None
     assert not roads.skipped
 
 
-def test_the_map_holds_what_readers_must_pass_over(bundle: Bundle) -> None:
+def test_the_map_holds_what_readers_must_pass_over(bundle: Demonstration) -> None:
     tags = [dict(w.tags) for w in osmium.FileProcessor(str(bundle.osm), osmium.osm.WAY)]
     assert sum(t.get("highway") == "footway" for t in tags) >= 3
     assert sum("building" in t for t in tags) >= 20
@@ -36,7 +36,7 @@ def test_the_map_holds_what_readers_must_pass_over(bundle: Bundle) -> None:
     assert any(t.get("tunnel") == "yes" and t["layer"] == "-1" for t in tags)
 
 
-def test_every_node_of_a_way_is_in_the_file(bundle: Bundle) -> None:
+def test_every_node_of_a_way_is_in_the_file(bundle: Demonstration) -> None:
     root = ET.parse(bundle.osm).getroot()  # noqa: S314  (our own file)
     nodes = [n.get("id") for n in root.iter("node")]
     assert len(nodes) == len(set(nodes))

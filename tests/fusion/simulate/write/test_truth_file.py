@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fusion.simulate.bundle import Bundle
+from fusion.simulate.demonstration import Demonstration
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.truth_file import write_truth
 
@@ -34,7 +34,7 @@ def test_truth_of_the_whole_town(tmp_path: Path, town: Town) -> None:
     assert all(r["passes"] == "1" and r["driven_m"] == r["length_m"] for r in rows)
 
 
-def test_truth_of_drives_is_what_they_covered(bundle: Bundle) -> None:
+def test_truth_of_drives_is_what_they_covered(bundle: Demonstration) -> None:
     rows = rows_of(bundle.truth)
     roads = bundle.town.roads
     listed = {(int(r["osm_way_id"]), int(r["from_node"]), int(r["to_node"])): int(r["passes"]) for r in rows}

@@ -19,7 +19,7 @@ from app.cli import app
 from app.cli.client import Client
 from app.cli.console import part_of, whole_file
 from app.drives.outputs.summary import summary
-from fusion.simulate.bundle import Bundle, write_all
+from fusion.simulate.demonstration import Demonstration, write_all
 
 SERVER = "http://service.example"
 HERE = f"{SERVER}/v1/drives/7"
@@ -37,7 +37,7 @@ Upload = Callable[..., Result]
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     return write_all(tmp_path_factory.mktemp("town"), 3, seed=1, duration_s=60.0)
 
 
@@ -123,7 +123,7 @@ def test_upload_tells_a_failure_once(upload: Upload, wait: list[str], tmp_path: 
     assert "No road" not in result.stdout
 
 
-def test_fuse_keeps_its_voice_out_of_what_is_piped_on(bundle: Bundle, tmp_path: Path) -> None:
+def test_fuse_keeps_its_voice_out_of_what_is_piped_on(bundle: Demonstration, tmp_path: Path) -> None:
     """GeoJSON alone on standard output; with --quiet only what a person must know."""
     poor = tmp_path / "poor.csv"
     rows = [line.split(",")[:4] for line in bundle.drives[0].read_text().splitlines()]
@@ -201,7 +201,7 @@ main()
 """
 
 
-def test_an_interrupt_ends_fuse_and_leaves_nothing_behind(bundle: Bundle, tmp_path: Path) -> None:
+def test_an_interrupt_ends_fuse_and_leaves_nothing_behind(bundle: Demonstration, tmp_path: Path) -> None:
     """In the midst of computing: without a traceback, as shells expect, and what was there before stays."""
     out = tmp_path / "out.geojson"
     out.write_text("before")

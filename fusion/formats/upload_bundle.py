@@ -1,4 +1,4 @@
-"""Several files of one drive as one log: their tables joined, raw measurements and ephemerides put together.
+"""The files of an upload bundle as one log: their tables, raw measurements and ephemerides are joined.
 
 Knows no format.
 """
@@ -88,7 +88,7 @@ def _refuse(parts: Sequence[Part]) -> None:
 
 
 def _not_overlapping(having: list[tuple[Part, Floats, int]], what: str, notes: Notes) -> list[Part]:
-    """The parts to be used, the fullest first; of those that overlap with a fuller one in time, it is said."""
+    """The parts to use, the fullest first; one that overlaps in time with a fuller one is left out with a warning."""
     used: list[tuple[Part, Floats, int]] = []
     for part, time_s, count in sorted(having, key=lambda one: -one[2]):
         rival = next((u for u in used if time_s[0] <= u[1][-1] and u[1][0] <= time_s[-1]), None)

@@ -47,7 +47,7 @@ class NamedDrive(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Bundle:
+class Demonstration:
     """The files of a demonstration. ``town`` and ``simulated`` hold what they were made from."""
 
     osm: Path
@@ -91,7 +91,7 @@ def write_all(
     duration_s: float = 600.0,
     rate_hz: float = 1.0,
     progress: Progress = no_progress,
-) -> Bundle:
+) -> Demonstration:
     """Make the town of ``seed`` and write town.osm, dem.tif, drive_01.csv ... and truth.csv into ``folder``.
 
     The folder is created where it is missing and files in it are overwritten. ``truth.csv`` holds the
@@ -112,6 +112,6 @@ def write_all(
         simulated.append(named.drive)
     progress("truth", 1.0)
     write_truth(town, folder / "truth.csv", simulated or None)
-    return Bundle(
+    return Demonstration(
         folder / "town.osm", folder / "dem.tif", folder / "truth.csv", tuple(paths), town, tuple(simulated)
     )

@@ -1,8 +1,4 @@
-"""Whether a worker still asks for work: the queue's own loop can wait for ever for a side task that has missed its end.
-
-Seen once, after two restarts of the database in quick succession: the processes lived and did nothing more. Most likely
-the loop was ending what it runs beside, and one of these got its connection in the moment in which it was cancelled.
-"""
+"""Notices a worker that asks for no work any more, so that it begins anew (upstream's faults: ``app.jobs``)."""
 
 from __future__ import annotations
 
@@ -20,7 +16,7 @@ SILENT_S = 90.0
 _LOOK_EVERY_S = 1.0
 
 
-class Silence:
+class Watchdog:
     """For how long the loop on a queue has not asked for a job although none runs; ``current`` are those that do."""
 
     def __init__(self, queue: procrastinate.App, current: Mapping[int, Any]) -> None:
@@ -36,8 +32,8 @@ class Silence:
 
         manager.fetch_job = fetch_job  # type: ignore[method-assign]
 
-    async def lasts(self) -> None:
-        """Ends when it has lasted too long, from now on."""
+    async def wait(self) -> None:
+        """Returns when the loop has been silent for too long, from now on."""
         self._asked_s = time.monotonic()
         while time.monotonic() - self._asked_s < SILENT_S:
             await asyncio.sleep(min(_LOOK_EVERY_S, SILENT_S / 4))

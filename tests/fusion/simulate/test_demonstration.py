@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fusion.formats import read_log
-from fusion.simulate.bundle import Bundle, demo_drives, write_all
+from fusion.simulate.demonstration import Demonstration, demo_drives, write_all
 from fusion.simulate.motion.routes import structures
 from fusion.simulate.scene.town import make_town
 from fusion.simulate.write.csv_file import csv_columns
@@ -28,7 +28,7 @@ def test_a_bundle_is_complete_and_reports_progress(tmp_path: Path) -> None:
     assert len(set(starts)) == 3
 
 
-def test_every_drive_of_a_bundle_is_read_back(bundle: Bundle) -> None:
+def test_every_drive_of_a_bundle_is_read_back(bundle: Demonstration) -> None:
     assert {p.suffix for p in bundle.drives} == {".csv", ".ubx", ".gz"}
     assert {d.receiver for d in bundle.simulated} == {"m8", "phone", "f9p"}
     for path, drive in zip(bundle.drives, bundle.simulated, strict=True):

@@ -12,7 +12,7 @@ import pytest
 
 from app.core.db import Sessions, make_engine
 from app.core.settings import Settings
-from app.jobs import silence
+from app.jobs import watchdog
 from app.jobs import worker as workers
 from app.jobs.task import Kind, Task, Work, add_job
 
@@ -72,7 +72,7 @@ def test_a_loop_that_asks_for_nothing_is_replaced(
     fetch = procrastinate.worker.Worker._fetch_and_process_jobs
     monkeypatch.setattr(procrastinate.worker.Worker, "_fetch_and_process_jobs", fails_once)
     monkeypatch.setattr(procrastinate.worker.Worker, "_shutdown", misses_its_end)
-    monkeypatch.setattr(silence, "SILENT_S", 1.0)
+    monkeypatch.setattr(watchdog, "SILENT_S", 1.0)
     with sessions.begin() as session:
         add_job(session, KIND)
     with caplog.at_level(logging.ERROR, "app.jobs"):
@@ -87,14 +87,14 @@ def test_a_job_that_takes_its_time_is_no_silence(
 ) -> None:
     app = workers.make_queue(str(settings.database_url), [], None)  # type: ignore[arg-type]
     current = {1: "runs"}
-    monkeypatch.setattr(silence, "SILENT_S", 0.05)
+    monkeypatch.setattr(watchdog, "SILENT_S", 0.05)
 
     async def look() -> None:
-        lasts = asyncio.create_task(silence.Silence(app, current).lasts())
+        waits = asyncio.create_task(watchdog.Watchdog(app, current).wait())
         await asyncio.sleep(0.3)
-        assert not lasts.done()
+        assert not waits.done()
         current.clear()
-        await asyncio.wait_for(lasts, 5)
+        await asyncio.wait_for(waits, 5)
 
     asyncio.run(look())
 

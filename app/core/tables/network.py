@@ -1,0 +1,180 @@
+"""The tables of the network: what drives and surveyors contribute, and the cells in which it is solved."""
+
+from __future__ import annotations
+
+import uuid
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import (
+    BigInteger,
+    CheckConstraint,
+    ForeignKey,
+    Identity,
+    Index,
+    Integer,
+    SmallInteger,
+    func,
+    text,
+)
+from sqlalchemy.dialects.postgresql import ARRAY
+from sqlalchemy.orm import Mapped, mapped_column
+
+from app.core.tables import Base
+
+PARTITION_PREFIX = "drive_passes_of_"
+"""How the names of the parts of ``drive_passes`` begin; a row's part follows from a hash of its partition."""
+
+
+class DrivePass(Base):
+    """What one pass of a drive over a segment contributes to the network: a factor, in the library's encoding."""
+
+    __tablename__ = "drive_passes"
+
+    id: Mapped[int] = mapped_column(
+        BigInteger, primary_key=True, server_default=text("nextval('drive_passes_id_seq')")
+    )
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"))
+    entered_s: Mapped[float]
+    """When the drive came to the segment, Unix seconds."""
+    condensed_weight: Mapped[float | None]
+    """NULL: the pass is recent and read as it is. Else the weight with which it is condensed; 0: it was rejected."""
+    sequence: Mapped[int]
+    """Its place among the drive's passes, in the order of driving."""
+    partition: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    """The tile of zoom 6 around the segment's cell: ``versant_partition(cell)``."""
+    factor: Mapped[bytes]
+
+    __table_args__ = (
+        # Which drives were here at a moment is answered from the index alone, however many drives there are.
+        Index(
+            "ix_drive_passes_segment_id_entered_s",
+            "segment_id",
+            "entered_s",
+            postgresql_include=["drive_id", "partition"],
+        ),
+        # The recent passes over a segment, however many passes there are.
+        Index("ix_drive_passes_recent", "segment_id", postgresql_where=text("condensed_weight IS NULL")),
+        {"postgresql_partition_by": "HASH (partition)"},
+    )
+
+
+class CondensedPasses(Base):
+    """Old passes over a segment as one sum (``fusion.network.condensed``): the sum over the segment's rows.
+
+    Rows are only added, so that nobody waits for anybody; a row that subtracts a drive has its signs reversed.
+    """
+
+    __tablename__ = "condensed_passes"
+
+    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"), index=True)
+    evidence: Mapped[bytes]
+
+
+class RejectedPass(Base):
+    """A pass that is rejected because it contradicts the network. Passes of duplicate drives have no row here."""
+
+    __tablename__ = "rejected_passes"
+
+    segment_id: Mapped[int] = mapped_column(
+        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    pass_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+
+
+class DriveConstants(Base):
+    """What all passes of a drive say of its constants, in the library's encoding, and how many passes they are.
+
+    The number of measurements and the times of the positions (Unix seconds, little-endian doubles) tell the drive from
+    others, together with the entries of its passes.
+    """
+
+    __tablename__ = "drive_constants"
+
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    passes: Mapped[int]
+    evidence: Mapped[bytes]
+    measurements: Mapped[int]
+    epoch_s: Mapped[bytes]
+    partitions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger))
+    """Where its passes are: all regions, so that nobody looks for them elsewhere."""
+
+
+class ControlPoint(Base):
+    """A surveyed height, above the datum that the drives' altitudes use; one at a place."""
+
+    __tablename__ = "control_points"
+
+    lon_deg: Mapped[float] = mapped_column(primary_key=True)
+    lat_deg: Mapped[float] = mapped_column(primary_key=True)
+    height_m: Mapped[float]
+    sigma_m: Mapped[float]
+    name: Mapped[str]
+    """Where it came from: a line of a file."""
+    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+    __table_args__ = (CheckConstraint("sigma_m > 0", name="sigma"),)
+
+
+class Cell(Base):
+    """A cell of the map, a tile of zoom 14, and its versions (``app.network.cells``)."""
+
+    __tablename__ = "cells"
+
+    id: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
+    """x in the upper bits, y in the lower 14."""
+    version: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    """Raised if and only if anything that is shown of the cell changes."""
+    changed_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    unsettled_since: Mapped[datetime | None]
+    """Since when a change near by waits that only a solution of a wider subnetwork takes into account."""
+    driven: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+    """Number and length, m, of the driven segments of each class whose middle lies in the cell."""
+
+    road_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    """Which step of which import changed the roads that meet the cell last (``app.network.road_states``)."""
+    course_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    """The same of changes that a drive would notice: roads that came, went, or lie elsewhere."""
+
+    drawn_version: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    """Raised when what low zooms draw of the cell changes, which follows ``version`` (``app.map.derived``). What is
+    drawn of a greater cell raises it of any cell inside."""
+    changed_xid: Mapped[int] = mapped_column(BigInteger, server_default="0", index=True)
+    """The transaction that raised either of the two last; a trigger writes it (``SegmentChange.xid``)."""
+
+    __table_args__ = (
+        Index(
+            "ix_cells_unsettled_since",
+            "unsettled_since",
+            postgresql_where=text("unsettled_since IS NOT NULL"),
+        ),
+    )
+
+
+class NetworkMark(Base):
+    """What waits to be solved in a cell because a drive was added or removed or something else changed there."""
+
+    __tablename__ = "network_marks"
+
+    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    cell: Mapped[int]
+    drive_id: Mapped[uuid.UUID | None]
+    """The drive that is published, or deleted, once all its marks are gone; it may not exist any more."""
+    generation: Mapped[int | None]
+    touched: Mapped[list[int]]
+    """Segments around which the network is to be solved again."""
+    combined: Mapped[list[int]]
+    """Segments of which only the published slope is to be combined again."""
+    due_at: Mapped[datetime]
+    tries: Mapped[int] = mapped_column(SmallInteger, server_default="0")
+    """How many solvers have begun it."""
+    made_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+    __table_args__ = (
+        Index("ix_network_marks_cell", "cell"),
+        Index("ix_network_marks_drive_id", "drive_id"),
+        Index("ix_network_marks_due_at", "due_at"),
+    )
