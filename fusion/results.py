@@ -52,7 +52,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class _Drive:
+class _FusedDrive:
     """A drive as ``run_drive`` returns it. The times of its positions are unknown, so duplicates are
     found less surely."""
 
@@ -76,7 +76,7 @@ def solve(
     its own sigma and 0 drives. The order of the drives changes nothing, and a drive that comes twice counts once.
     """
     nothing = np.empty(0)
-    fused = [_Drive(rows_of(roads, network.table), result, nothing) for network, result in drives]
+    fused = [_FusedDrive(rows_of(roads, network.table), result, nothing) for network, result in drives]
     return solve_fused(fused, roads, dem, control=control, gaps=gaps)
 
 

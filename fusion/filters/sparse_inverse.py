@@ -3,6 +3,18 @@
 ``NormalEquations`` is the whole of it for a caller; ``Elimination`` is what serves all matrices of one pattern. What
 the unknowns are, and who wrote the equations, is not known here. (``scipy`` loads its parts when they are first used,
 so importing this costs nothing.)
+
+Why this stands here beside CHOLMOD and SuperLU, which factorise as well: a map needs more than a solution.
+
+* Every published sigma needs the covariance among the unknowns of one segment. ``selected_inverse`` gives those entries
+  of the inverse in one sweep over the factor; the libraries give columns, one solve for each unknown.
+* A large network is solved block by block: ``border`` eliminates the inside of a block onto its edge and hands the rest
+  on (``fusion.network.blocks``). The libraries factorise the whole matrix only.
+* The pattern is analysed once for all rounds of weighing, and blocks of equations are added straight into the fronts.
+* It is Python compiled like the rest: nothing is to be built or licensed beside numpy, scipy and numba.
+
+``benchmarks/adjustment.py`` holds its time and memory (``update``, ``scratch``, ``blocks``);
+``tests/fusion/filters/test_sparse_inverse.py`` compares it with dense inverses.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ class ProfileOptions(Options):
 
 
 @dataclass(frozen=True, eq=False)
-class _Drive:
+class _PreparedDrive:
     """A drive on its path with its inertial data set right, and what was found wrong with them and with pressures."""
 
     log: DriveLog
@@ -90,7 +90,7 @@ class _Drive:
     speed_pressure: Estimate
 
     @classmethod
-    def of(cls, log: DriveLog, path: DrivenPath, use: frozenset[int]) -> _Drive:
+    def of(cls, log: DriveLog, path: DrivenPath, use: frozenset[int]) -> _PreparedDrive:
         """Of sensors that are in ``use`` alone."""
         right, inertia = set_right(log) if use & {PITCH, FORCE} else (log, None)
         felt = speed_pressure(log, *speeds(log, path)) if BARO in use else NOTHING
@@ -138,7 +138,7 @@ class ProfileMethod:
                 "positions are a drive's and not a parked vehicle's."
             )
         progress("smooth", 0.3)
-        raw = _Drive.of(log, path, options.sensors())
+        raw = _PreparedDrive.of(log, path, options.sensors())
         drive = _smooth(raw, dem, options, Altimeter())
         late = _altimeter(log, drive)
         if late.sensor >= 0:
@@ -185,7 +185,7 @@ def _in_steps(height_m: Floats) -> bool:
     return len(known) > 0 and bool(np.mean(off) < 0.01 and np.mean(whole) < 0.5)
 
 
-def _smooth(raw: _Drive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter) -> _Smoothed:
+def _smooth(raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter) -> _Smoothed:
     share = set_right_share(raw.speed_pressure)
     measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s, share)
     if len(measured) < MIN_MEASUREMENTS:

@@ -1,4 +1,4 @@
-"""Drives through the simulated town, read back from their files as a user's would be."""
+"""Drives through the simulated town, read back from their files as a user's would be, and small networks."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog
+from road_fixtures import make_network, make_table
+
+__all__ = ["make_network", "make_table"]
 
 MakeLog = Callable[..., DriveLog]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.filters.unscented import Unscented
-from fusion.published.gps_ins.filter import Drive, Filtered, Settings, run
+from fusion.published.gps_ins.filter import DriveReadings, Filtered, Settings, run
 from fusion.published.gps_ins.models import ExtendedModel, KalmanModel, Model, UnscentedModel
 
 KF, EKF = KalmanModel(), ExtendedModel()
@@ -20,7 +20,7 @@ COMMAND = Settings(heading="command", min_speed_mps=0.0)
 class Truth:
     """A drive and where the vehicle really was, shape (n,)."""
 
-    drive: Drive
+    drive: DriveReadings
     x_m: np.ndarray
     y_m: np.ndarray
 
@@ -60,7 +60,7 @@ def simulate(
     move += walk_m * np.sqrt(dt)[:, None] * rng.normal(size=(steps, 2))
     place = np.concatenate([np.zeros((1, 2)), np.cumsum(move, axis=0)])
     fix = place + gps_sigma_m * rng.normal(size=place.shape)
-    drive = Drive(
+    drive = DriveReadings(
         time_s=np.concatenate([[0.0], np.cumsum(dt)]),
         x_m=fix[:, 0],
         y_m=fix[:, 1],

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fusion.filters.unscented import Unscented
-from fusion.published.gps_ins.filter import Drive, Filtered, Settings
+from fusion.published.gps_ins.filter import DriveReadings, Filtered, Settings
 from fusion.published.gps_ins.filter import run as run_filter
 from fusion.published.gps_ins.models import ExtendedModel, KalmanModel, Model, UnscentedModel
 from fusion.types import Floats, Progress
@@ -46,7 +46,7 @@ PRINTED = "Saadaoui 2011, turning, the printed forms (ours; the thesis reports n
 class Truth:
     """A simulated drive and where the vehicle was, shape (n,)."""
 
-    drive: Drive
+    drive: DriveReadings
     x_m: Floats
     y_m: Floats
 
@@ -68,7 +68,7 @@ def simulate(seed: int, turn_rad: float) -> Truth:
     heading = rng.uniform(-np.pi, np.pi) + turn_rad * np.cumsum(rng.normal(size=n))
     x = np.concatenate([[0.0], np.cumsum(speed * np.cos(heading))[:-1]])
     y = np.concatenate([[0.0], np.cumsum(speed * np.sin(heading))[:-1]])
-    drive = Drive(
+    drive = DriveReadings(
         time_s=np.arange(n, dtype=np.float64),
         x_m=x + GPS_SIGMA_M * rng.normal(size=n),
         y_m=y + GPS_SIGMA_M * rng.normal(size=n),
@@ -189,7 +189,7 @@ def print_forms(table: Table, truth: Truth) -> None:
     printed_jacobian = ExtendedModel(printed_jacobian=True)
     printed_alpha = UnscentedModel(Unscented(1e3, 2.0, -1.0))
     undrawn = UnscentedModel(Unscented(1e-3, 2.0, -1.0), late_noise=True)
-    forms: list[tuple[str, Model, Settings, Drive]] = [
+    forms: list[tuple[str, Model, Settings, DriveReadings]] = [
         ("KF, command u = [v, heading]", KalmanModel(printed=True), COMMAND, truth.drive),
         ("EKF, innovation without Z", ExtendedModel(printed_innovation=True), OVERWRITTEN, truth.drive),
         ("EKF, heading from the fixes alone", EKF, MEASURED, blind),

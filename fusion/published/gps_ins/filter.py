@@ -22,7 +22,7 @@ _STANDING_SHARE = 0.1  # a vehicle that stands keeps its place: this share of th
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveReadings:
     """What GPS and INS say at n epochs; every array has shape (n,).
 
     ``x_m``, ``y_m``: position in the local plane, NaN without a fix; ``fix_sigma_m`` its accuracy per axis.
@@ -98,7 +98,10 @@ def chi_square_gate(probability: float) -> float:
 
 
 def run(
-    drive: Drive, model: Model, settings: Settings, progress: Callable[[float], None] = lambda share: None
+    drive: DriveReadings,
+    model: Model,
+    settings: Settings,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Filtered:
     """Take a drive through a filter. It starts at the first fix, with P0 = diag(R, R, sigma_heading^2)."""
     return _Run(drive, model, settings).filter(progress)
@@ -108,7 +111,7 @@ def run(
 class _Run:
     """The state of one run between its epochs."""
 
-    drive: Drive
+    drive: DriveReadings
     model: Model
     settings: Settings
     moments: Moments | None = None

@@ -17,7 +17,7 @@ from fusion.errors import MissingSensorError
 from fusion.filters import kalman
 from fusion.frames import wrap_angle
 from fusion.published.epochs.table import Epochs
-from fusion.published.gps_ins.filter import Drive
+from fusion.published.gps_ins.filter import DriveReadings
 from fusion.published.gps_ins.options import GpsInsOptions
 from fusion.types import Floats
 
@@ -200,13 +200,13 @@ def _held(
     return np.where(there & (age <= hold_s), values[last], np.nan), age
 
 
-def build_drive(epochs: Epochs, ins: Ins, options: GpsInsOptions) -> Drive:
+def build_drive(epochs: Epochs, ins: Ins, options: GpsInsOptions) -> DriveReadings:
     """GPS and INS as the filter takes them: a command for the step from each epoch to the next."""
     speed, heading = ins.speed_mps, ins.heading_rad
     if options.command_at == "midpoint":
         speed, heading = _middle(speed), _middle_angle(heading)
     known = np.isfinite(speed) & np.isfinite(heading)
-    return Drive(
+    return DriveReadings(
         time_s=epochs.time_s,
         x_m=epochs.x_m,
         y_m=epochs.y_m,

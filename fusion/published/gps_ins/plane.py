@@ -13,7 +13,7 @@ import numpy as np
 from fusion.filters.unscented import Unscented
 from fusion.frames import wrap_angle
 from fusion.published.epochs.table import Epochs
-from fusion.published.gps_ins.filter import Drive, Filtered, Settings, chi_square_gate, run
+from fusion.published.gps_ins.filter import DriveReadings, Filtered, Settings, chi_square_gate, run
 from fusion.published.gps_ins.ins import Ins, build_drive
 from fusion.published.gps_ins.models import HEADING, ExtendedModel, KalmanModel, Model, UnscentedModel
 from fusion.published.gps_ins.options import (
@@ -88,7 +88,7 @@ def model_of(options: GpsInsOptions) -> Model:
     return KalmanModel(isinstance(options, KalmanOptions) and options.command_form == "printed")
 
 
-def _direction(drive: Drive, filtered: Filtered, options: GpsInsOptions) -> Floats:
+def _direction(drive: DriveReadings, filtered: Filtered, options: GpsInsOptions) -> Floats:
     """Where the vehicle goes at each epoch, (n,): a filter of two states goes where its command says."""
     states = filtered.mean.shape[1]
     ahead = filtered.mean[:, HEADING] if states > HEADING else drive.heading_rad

@@ -45,7 +45,7 @@ UNKNOWN, NOTHING, PLANE, OTHER = range(4)
 """What is known of the terrain under a segment: not looked at yet; no height; a plane; a surface to be asked."""
 
 
-class Drive(NamedTuple):
+class EpochInputs(NamedTuple):
     """The epochs of a drive, n of them, beside what the sensors say. ``fix`` (n, 3) is x, y, altitude, NaN if unknown.
 
     ``start_altitude`` (n,) is where a new state would begin, NaN where none can.
@@ -108,7 +108,7 @@ ROAD_X, ROAD_Y, ROAD_DIRECTION, PREDICTED_X, PREDICTED_Y, WAY, GROUND = range(7)
 
 @compiled
 def advance(
-    drive: Drive,
+    drive: EpochInputs,
     sensors: SensorColumns,
     rules: Rules,
     grid: SegmentGrid,
@@ -140,7 +140,7 @@ def advance(
 
 
 @compiled
-def _starts(drive: Drive, sensors: SensorColumns, now: Now, rows: EpochRows, e: int) -> bool:
+def _starts(drive: EpochInputs, sensors: SensorColumns, now: Now, rows: EpochRows, e: int) -> bool:
     """Begin around the epoch's fix; without one the filter waits."""
     if not (drive.has_fix[e] and np.isfinite(drive.start_altitude[e])):
         return False
@@ -155,7 +155,9 @@ def _starts(drive: Drive, sensors: SensorColumns, now: Now, rows: EpochRows, e: 
 
 
 @compiled
-def _sense(drive: Drive, sensors: SensorColumns, rules: Rules, now: Now, rows: EpochRows, e: int) -> None:
+def _sense(
+    drive: EpochInputs, sensors: SensorColumns, rules: Rules, now: Now, rows: EpochRows, e: int
+) -> None:
     """Predict, but not a state that begins here; correct by GNSS, acceleration and pitch."""
     speed, dt, use_fix = drive.speed_mps[e], 1.0, False
     if now.flags[RUNNING] == 1:
@@ -178,7 +180,9 @@ def _sense(drive: Drive, sensors: SensorColumns, rules: Rules, now: Now, rows: E
 
 
 @compiled
-def _plausible(drive: Drive, sensors: SensorColumns, now: Now, rows: EpochRows, e: int, dt: float) -> bool:
+def _plausible(
+    drive: EpochInputs, sensors: SensorColumns, now: Now, rows: EpochRows, e: int, dt: float
+) -> bool:
     """Whether there is a fix that can be where the vehicle is by now."""
     if not drive.has_fix[e]:
         return False

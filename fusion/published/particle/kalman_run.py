@@ -24,7 +24,7 @@ from fusion.published.particle.kalman_loop import (
     PREDICTED_Y,
     SEGMENT,
     UNKNOWN,
-    Drive,
+    EpochInputs,
     Now,
     Planes,
     Rules,
@@ -73,10 +73,10 @@ class KalmanRun:
         terrain = {} if self.terrain is None else self.terrain.report()
         return {**self.rows.report(self.epochs), **terrain}
 
-    def _drive(self) -> Drive:
+    def _drive(self) -> EpochInputs:
         ep = self.epochs
         fix = np.column_stack([ep.x_m, ep.y_m, ep.alt_m])
-        return Drive(ep.time_s, ep.after_outage, ep.has_gnss, fix, ep.speed_mps, self._start_altitude())
+        return EpochInputs(ep.time_s, ep.after_outage, ep.has_gnss, fix, ep.speed_mps, self._start_altitude())
 
     def _start_altitude(self) -> Floats:
         """The fix's own, else that of the ground with the antenna above it."""

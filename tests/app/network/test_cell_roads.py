@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fusion.roads.along import boxes_along
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import event
@@ -19,7 +18,7 @@ from app.network import cell_roads, extracts, surroundings
 from app.network.cell_roads import Roads, roads_in
 from app.roads.imports import replace_roads
 from app.roads.store import road_version_id
-from fusion.roads.table import RoadTable, rows_of
+from fusion.roads.table import RoadTable, boxes_along, rows_of
 from fusion.simulate.scene.town import Town
 from fusion.types import Floats
 

@@ -30,7 +30,7 @@ def linear() -> list[Moments]:
 def linearised() -> list[Moments]:
     state, states = (np.zeros(4), 10.0 * np.eye(4)), []
     for z in VALUES:
-        predicted = kalman.predict_extended(*state, lambda x: TRANSITION @ x, lambda _: TRANSITION, PROCESS)
+        predicted = kalman.predict_extended(*state, lambda x: TRANSITION @ x, lambda _: TRANSITION, PROCESS)  # type: ignore[return-value]
         state = kalman.correct_extended(*predicted, z, lambda x: DESIGN @ x, lambda _: DESIGN, NOISE)
         states.append(state)
     return states

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fusion.network.places import PLACE_M, Places
 
 from fusion.frames import METRES_PER_DEGREE
-from fusion.network.road_beliefs import RoadBeliefs
+from fusion.network.road_beliefs import PLACE_M, Places, RoadBeliefs
 from network_draws import driven_town, town, within
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fusion.gnss.measurements import Aids, Measurements, Solution, Solver, SolverOptions
+from fusion.gnss.measurements import Aids, Measurements, Solution, Solver
 from fusion.gnss.solvers.ekf import Ekf
 from fusion.gnss.solvers.ls import LeastSquares
 from fusion.published.positioning.jms_gmm import JmsGmm
@@ -37,7 +37,7 @@ def solved(
 ) -> Solution:
     """What a solver makes of measurements."""
     solver, usual = CASES[name]
-    options: SolverOptions = solver.options_model(**{**usual, **chosen})
+    options = solver.options_model(**{**usual, **chosen})
     return solver.solve(measured, aids or Aids.none(len(measured)), options, seed, no_progress)
 
 
