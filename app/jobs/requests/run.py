@@ -209,4 +209,5 @@ def fail(
     if kind.files is not None and key is not None:
         context.part(kind.files).delete(key)
     words = {"kind": failure.kind, "stage": failure.stage, "reason": failure.reason}
-    tell(logger, f"{kind.store.name} failed", level=logging.WARNING, **words)
+    with about(**{kind.store.name: number}):
+        tell(logger, f"{kind.store.name} failed", level=logging.WARNING, **words)

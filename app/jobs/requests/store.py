@@ -102,7 +102,7 @@ class RequestStore(Generic[R]):
 
     def enqueue(self, session: Session, number: uuid.UUID) -> R:
         """Add its job; the request."""
-        add_job(session, self.job, lock=self.lock, **{self.argument: str(number)})
+        self._add_job(session, number)
         request = self.get(session, number)
         assert request is not None  # noqa: S101 - the transaction has written it
         return request
@@ -205,12 +205,15 @@ class RequestStore(Generic[R]):
         values = {"task": self.job.name, "argument": self.argument}
         numbers = list(session.execute(self._jobless, values).scalars())
         for number in numbers:
-            self.enqueue(session, number)
+            self._add_job(session, number)
         return len(numbers)
 
     def others_wait(self, session: Session) -> bool:
         """Whether a job waits that goes before these."""
         return bool(session.execute(_OTHERS_WAIT, {"priority": self.job.priority}).scalar_one())
+
+    def _add_job(self, session: Session, number: uuid.UUID) -> None:
+        add_job(session, self.job, lock=self.lock, **{self.argument: str(number)})
 
     def _where(self, **equal: Any) -> Select[Any]:
         return self._rows.where(*(self._table.c[name] == value for name, value in equal.items()))
