@@ -1,6 +1,6 @@
-"""Tells those who have the map open that it changed, and where: one look for all of them. Knows no HTTP and no tiles.
+"""Tells those who have the map open that it has changed, and where: one look for all of them. Knows no HTTP, no tiles.
 
-What is told is only that one has to fetch anew what one shows there. Who is slow gets several changes as one.
+A map that is told fetches anew what it shows there. A slow follower gets several changes as one.
 """
 
 from __future__ import annotations

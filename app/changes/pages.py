@@ -1,4 +1,4 @@
-"""The changes since a version, page by page, and what is told no more. The numbers are explained in ``store``."""
+"""The changes since a version, page by page, and the removal of old ones. ``store`` explains the numbers."""
 
 from __future__ import annotations
 

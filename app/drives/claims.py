@@ -1,4 +1,4 @@
-"""What a worker writes of a drive that it has claimed: nothing once the drive is no longer its own, or has said all.
+"""What a worker writes of a drive that it has claimed: nothing once another run has it, or its result is complete.
 
 Queued drives are claimed by a generation (``mark_running``); whoever asks for one anew takes it away by the next.
 """

@@ -1,4 +1,4 @@
-"""How drives end in the database: done once they are published, gone once nothing of them is left on the map.
+"""How drives end in the database: done when they are published, deleted when nothing of them is left on the map.
 
 Both wait for marks (``app.network.marks``). A cell that no solver can solve keeps no drive from being done: the rest
 of it is published, and its document names the cell for as long as that is so (``app.drives.store``). It does keep a

@@ -1,8 +1,8 @@
-"""Tells those who follow drives of every change: one connection that listens and one look for all of them.
+"""Tells followers of drives each change: one connection listens, and one query reads for all of them.
 
-The database announces a drive when its status, stage or progress changed or when it went (migration 0009). What it
-announces is only that one has to look, so a lost announcement costs time and nothing else: after a reconnection, and
-every so often, all followed drives are looked at. Knows no HTTP.
+The database announces a drive when its status, stage or progress changes, or when it goes (migration 0009). An
+announcement says only that there is something to read, so a lost one costs time alone: after a reconnection, and
+at intervals, all followed drives are read. Knows no HTTP.
 """
 
 from __future__ import annotations

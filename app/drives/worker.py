@@ -197,7 +197,7 @@ def _chores(
         (partial(_sweep, context, settings), "unused files could not be removed", SWEEP_EVERY_S),
     ]
     for kind in REQUESTS:
-        failed = f"{kind.store.lock} could not be looked after"
+        failed = f"{kind.store.plural} could not be looked after"
         chores.append((partial(upkeep.look_after, kind, context), failed, RENEW_EVERY_S))
     return tuple((in_thread(chore, failed), every_s) for chore, failed, every_s in chores)
 

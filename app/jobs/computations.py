@@ -1,4 +1,4 @@
-"""Which jobs a process computes just now, so that its death counts against those and against no others.
+"""Which jobs a process computes now, so that its death counts against these jobs alone.
 
 A process holds one connection as the sign that it lives: the kernel closes it when the process ends, however it ends,
 and the server notices at once. A job whose worker is silent is charged with a death only if its mark stands, the server

@@ -1,8 +1,8 @@
-"""What memory a worker's process may take: a limit to what it asks for, and a bound above which it is begun anew.
+"""The memory of a worker's process: a limit to what it may allocate, and a size above which it is replaced.
 
-Beyond the limit an allocation fails in the one run that wants it (``MemoryError``), where the machine would otherwise
-begin to swap or kill whom it likes. What a process has once had it seldom gives back, so one that has grown ends when
-its job has ended, and another takes its place. Both where Linux tells and bounds it; elsewhere nothing is done.
+Beyond the limit an allocation fails in the run that asks for it (``MemoryError``); without it the machine would swap,
+or kill any process. A process seldom gives memory back, so one that has grown ends after its job, and another takes its
+place. Linux alone measures and limits this; elsewhere nothing is done.
 """
 
 from __future__ import annotations

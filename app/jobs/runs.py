@@ -1,4 +1,4 @@
-"""The runs of this process: how each is begun and brought to an end, whatever happens to it."""
+"""The runs of this process: each is begun, ended, put back or given up, whatever happens to it."""
 
 from __future__ import annotations
 
@@ -91,8 +91,8 @@ class Runs:
         self.liveness, self.limit_s = liveness, limit_s
         self.current: dict[int, Run] = {}
         self.begun: set[int] = set()
-        """Jobs begun and not brought to an end: when the database takes one of them for a dead worker's, this
-        process was only cut off from it."""
+        """Jobs begun and not ended: where the queue takes one of them for a dead worker's, this process was only cut
+        off from it."""
         self.workers: set[int] = set()
         """Whom the queue has given jobs in this process."""
         self.stopping = threading.Event()

@@ -1,8 +1,8 @@
 """How a worker ends: asked, within its grace, whatever its threads do.
 
-The marks of its computations go first: whoever loses patience and kills it now does not harm a drive. For half of the
-grace its runs go on. Then they are told to end, and the statements that they wait for are cancelled. What does not hear
-that either (a loop in machine code) is put back into the queue in its absence, and the process ends.
+First the marks of its computations go, so that a kill from now on counts against no job. Its runs go on for half of
+the grace. Then they are asked to end, and the statements that they wait for are cancelled. A run that does not look (a
+loop in machine code) is put back into the queue for it, and the process ends.
 """
 
 from __future__ import annotations

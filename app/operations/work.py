@@ -1,4 +1,4 @@
-"""What each kind of operation does: it says what it would do, and does it. How runs begin and end is ``run``'s."""
+"""What each kind of operation does: it plans, and carries out what was approved. ``run`` begins and ends its runs."""
 
 from __future__ import annotations
 
@@ -108,13 +108,15 @@ def _change_roads(run: Run, bring: Callable[[Wishes], ImportCounts]) -> Outcome:
 
 
 def _is_other(counts: ImportCounts, plan: Document) -> bool:
-    said = asdict(counts)
+    figures = asdict(counts)
     lost = int(plan.get("measured_lost", 0))
-    return any(said[name] != plan.get(name) for name in _SAME) or counts.measured_lost > lost * MORE_LOST + 1
+    return (
+        any(figures[name] != plan.get(name) for name in _SAME) or counts.measured_lost > lost * MORE_LOST + 1
+    )
 
 
 def _wait_for_imports(run: Run) -> None:
-    """Without a lock that keeps this lane: uploads may want it meanwhile."""
+    """Without waiting for a lock, which would keep this lane from uploads."""
     while True:
         with run.sessions() as session:
             busy = roads_change(session)
@@ -127,8 +129,8 @@ def _wait_for_imports(run: Run) -> None:
 def _of_roads(counts: ImportCounts, before: str = "", *, dry_run: bool | None = None) -> Document:
     if dry_run is not None:
         counts = ImportCounts(**{**asdict(counts), "dry_run": dry_run})
-    said = summary(counts)
-    sentence = " ".join([f"{before}{said[0].upper()}{said[1:]}.", *remarks(counts)])
+    outline = summary(counts)
+    sentence = " ".join([f"{before}{outline[0].upper()}{outline[1:]}.", *remarks(counts)])
     figures = {k: v for k, v in asdict(counts).items() if k not in {"dry_run", "longest_hold_s"}}
     return {**figures, "segments": counts.segments, "sentence": sentence}
 

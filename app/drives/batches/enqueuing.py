@@ -1,7 +1,7 @@
-"""Batches of drives from the request to the queue and out of it again, piece by piece; what a worker does for them.
+"""Batches of drives put into the queue, and taken out of it again when they are cancelled, piece by piece.
 
-Every piece is a transaction, and the batch's row remembers how far it came: whoever is cut off, somebody goes on.
-Knows no HTTP; its SQL is ``store``'s.
+Each piece is a transaction, and the batch's row holds how far it is: after a cut a worker continues there. Knows no
+HTTP; its SQL is ``store``'s.
 """
 
 from __future__ import annotations

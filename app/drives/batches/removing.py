@@ -1,8 +1,7 @@
-"""Many drives removed at once: shown first, then cancelled piece by piece, each with a job of its own.
+"""Many drives removed at once: cancelled piece by piece, each with a job of its own that takes back what it said.
 
-The request does so itself, so that its answer finds all of them removed; what it leaves, should it be cut off, a worker
-goes on with: a drive that is cancelled is chosen no more. It cannot be called off, since what goes is gone within
-moments; a dry run shows it before.
+The request cancels them itself, so that all are removed when it is answered. Where it is cut off, its job continues: a
+cancelled drive is not chosen again. It cannot be called off; a dry run shows before what it would remove.
 """
 
 from __future__ import annotations

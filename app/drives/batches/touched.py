@@ -1,8 +1,7 @@
-"""Drives that lost something to an import of roads are computed again by themselves, as batches behind uploads.
+"""Drives whose roads an import has changed are computed again, as batches behind uploads.
 
-An import names them in the transactions that change their roads (``touched_drives``); whoever comes by queues them once
-it is over, or cut off: a worker, or the command that imported. What a drive published elsewhere stays until its new run
-replaces it.
+The import names them in the transactions that change their roads (``touched_drives``). When it is over, or was cut off,
+a worker or the command that imported queues them. What a drive has published stays until its new run replaces it.
 """
 
 from __future__ import annotations

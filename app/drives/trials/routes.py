@@ -233,8 +233,8 @@ def trial_segments(
 ) -> StreamingResponse:
     """As `/v1/drives/{drive_id}/segments`: slope and sigma of each segment from the trial alone. 409 until it is done.
 
-    `in_network` is false and `accepted` null, for no trial is part of the network. A segment that was dropped from the map
-    since is left out.
+    `in_network` is false and `accepted` null, for no trial is part of the network. A segment that was dropped from the
+    map since is left out.
     """
     form = form_of(f, request.headers.get("accept"), ESTIMATES)
     with service.reading() as session:

@@ -67,6 +67,7 @@ TRIAL = RequestKind(
     advice="Choose a method or options that take less, or split the log into shorter drives.",
     failure=_failure,
     folder="trials",
+    private=True,
     expire=store.expire,
 )
 """What a worker does for trials."""

@@ -143,6 +143,8 @@ class RequestKind(Generic[R]):
     """Of the runs' folders, in the data folder."""
     files: str | None = None
     """The part of the blob store that its rows refer to by ``blob_key``."""
+    private: bool = False
+    """It fails by somebody's file, and the reason may name that: operators are told the kind alone."""
     undisturbed_s: Callable[[int], float] = lambda _: float("inf")
     """For how long a run lets nobody go first, by how often the request has done so."""
     at_end: Callable[[Settings], Mapping[str, Any]] = lambda _: {}
@@ -208,5 +210,7 @@ def fail(
     key = getattr(before, "blob_key", None)
     if kind.files is not None and key is not None:
         context.part(kind.files).delete(key)
-    words = {"kind": failure.kind, "stage": failure.stage, "reason": failure.reason}
-    tell(logger, f"{kind.store.name} failed", level=logging.WARNING, **words)
+    words = {"kind": failure.kind, "stage": failure.stage, "reason": None if kind.private else failure.reason}
+    level = logging.INFO if kind.private else logging.WARNING
+    with about(**{kind.store.name: number}):
+        tell(logger, f"{kind.store.name} failed", level=level, **words)

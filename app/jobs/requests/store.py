@@ -78,15 +78,15 @@ class RequestStore(Generic[R]):
         table: type[RequestColumns],
         document: Callable[[Mapping[str, Any]], R],
         job: Kind,
-        lock: str,
+        plural: str,
         *,
         rows: Callable[[Table], Select[Any]] = select,
         on_claim: Mapping[str, Any] | None = None,
     ) -> None:
-        """``name``: what people call one; its job's argument is ``name``_id. Jobs run one after the other by ``lock``,
-        which leaves all lanes but one to drives. ``rows`` selects what the document needs, ``on_claim`` are columns
-        that a run begins with."""
-        self.name, self.job, self.lock = name, job, lock
+        """``name`` and ``plural``: what people call one and several; a job's argument is ``name``_id. ``plural`` is the
+        lock by which jobs run one after the other, which leaves all lanes but one to drives. ``rows`` selects what the
+        document needs, ``on_claim`` are columns that a run begins with."""
+        self.name, self.plural, self.job = name, plural, job
         self.argument = f"{name}_id"
         self._document = document
         self._table = cast(Table, table.__table__)  # type: ignore[attr-defined]
@@ -102,20 +102,20 @@ class RequestStore(Generic[R]):
 
     def enqueue(self, session: Session, number: uuid.UUID) -> R:
         """Add its job; the request."""
-        add_job(session, self.job, lock=self.lock, **{self.argument: str(number)})
+        self._add_job(session, number)
         request = self.get(session, number)
         assert request is not None  # noqa: S101 - the transaction has written it
         return request
 
     def one_by_one(self, session: Session) -> None:
         """Wait for others that ask for one, until the transaction ends."""
-        session.execute(_ONE_BY_ONE, {"lock": self.lock})
+        session.execute(_ONE_BY_ONE, {"lock": self.plural})
 
     def require_place(self, session: Session, most: int) -> None:
         """``BusyError`` where so many wait that no other may."""
         waiting = select(func.count()).select_from(self._table).where(self._table.c.status == "queued")
         if (count := session.execute(waiting).scalar_one()) >= most:
-            raise BusyError(f"{count} {self.lock} wait already. Try again when some of them are done.")
+            raise BusyError(f"{count} {self.plural} wait already. Try again when some of them are done.")
 
     def get(self, session: Session, number: uuid.UUID, **equal: Any) -> R | None:
         """The request, all of which columns are equal to these; None where there is none."""
@@ -205,12 +205,15 @@ class RequestStore(Generic[R]):
         values = {"task": self.job.name, "argument": self.argument}
         numbers = list(session.execute(self._jobless, values).scalars())
         for number in numbers:
-            self.enqueue(session, number)
+            self._add_job(session, number)
         return len(numbers)
 
     def others_wait(self, session: Session) -> bool:
         """Whether a job waits that goes before these."""
         return bool(session.execute(_OTHERS_WAIT, {"priority": self.job.priority}).scalar_one())
+
+    def _add_job(self, session: Session, number: uuid.UUID) -> None:
+        add_job(session, self.job, lock=self.plural, **{self.argument: str(number)})
 
     def _where(self, **equal: Any) -> Select[Any]:
         return self._rows.where(*(self._table.c[name] == value for name, value in equal.items()))

@@ -38,7 +38,7 @@ def expire(kind: RequestKind[R], context: JobContext) -> None:
         if kind.files is not None and key is not None:
             context.part(kind.files).delete(key)
     if expired:
-        logger.info("%d %s are removed: they were kept long enough", len(expired), kind.store.lock)
+        logger.info("%d %s are removed: they were kept long enough", len(expired), kind.store.plural)
 
 
 def sweep_files(kind: RequestKind[R], context: JobContext) -> list[str]:

@@ -18,9 +18,9 @@ from app.jobs.computations import Liveness, charge, forget_gone
 REPOSITORY = Path(__file__).resolve().parents[3]
 _PROGRAM = """
 import sys, time
-from app.jobs.computations import Witness
-witness = Witness(sys.argv[1])
-with witness.computing(7):
+from app.jobs.computations import Liveness
+liveness = Liveness(sys.argv[1])
+with liveness.computing(7):
     if sys.argv[2] == "computes":
         print("ready", flush=True)
         time.sleep(600)

@@ -118,7 +118,7 @@ def test_uploads_go_first_and_one_lane_is_enough(filled: Web, uploaded: str) -> 
     with filled.sessions() as session:
         jobs = [tuple(row) for row in session.execute(text(query))]
     assert [name for name, _ in jobs] == ["process_drive", "try_drive", "try_drive"]
-    assert {lock for name, lock in jobs if name == "try_drive"} == {TRIAL.store.lock}
+    assert {lock for name, lock in jobs if name == "try_drive"} == {TRIAL.store.plural}
 
 
 def test_one_whose_job_is_lost_gets_another(filled: Web, uploaded: str) -> None:
