@@ -79,7 +79,7 @@ export interface Disagreement {
   slope_percent: number | null;
   slope_sigma_percent: number | null;
   drives: number;
-  drives_unheard: number;
+  drives_rejected: number;
   lowest_percent: number | null;
   highest_percent: number | null;
   farthest_sigmas: number | null;
@@ -207,7 +207,7 @@ export interface Audited {
 }
 
 export interface UnsolvedCell {
-  square: string;
+  cell: string;
   bbox: Bounds;
   solvers: number;
   since: string;

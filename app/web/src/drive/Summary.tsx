@@ -56,7 +56,7 @@ export function Figures({ drive }: { drive: Drive }) {
 /** What a person should know or do, as the service says it. */
 export function Warnings({ drive }: { drive: Drive }) {
   const warnings = warningsOf(drive.report as Report | null);
-  if (warnings.length === 0 && !drive.same_as) return null;
+  if (warnings.length === 0 && !drive.duplicate_of) return null;
   return (
     <section class="card drive-warnings" aria-labelledby="warnings">
       <h2 id="warnings" class="warn-text">
@@ -67,9 +67,9 @@ export function Warnings({ drive }: { drive: Drive }) {
           <li key={one}>{one}</li>
         ))}
       </ul>
-      {drive.same_as && (
+      {drive.duplicate_of && (
         <p>
-          <a href={`/drives/${drive.same_as}`}>{t("drive.same_as")}</a>
+          <a href={`/drives/${drive.duplicate_of}`}>{t("drive.duplicate_of")}</a>
         </p>
       )}
     </section>

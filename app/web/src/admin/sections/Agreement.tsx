@@ -49,7 +49,7 @@ function Disagreements() {
                 number: true,
                 cell: (row) => (
                   <a href={`/v1/segments/${row.segment_id}/observations`}>
-                    {t("admin.agreement.rejected", { n: row.drives_unheard, accepted: row.drives })}
+                    {t("admin.agreement.rejected", { n: row.drives_rejected, accepted: row.drives })}
                   </a>
                 ),
               },

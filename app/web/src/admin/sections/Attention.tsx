@@ -11,7 +11,7 @@ import type { Attention as Row } from "../types";
 const SECTIONS: Record<string, keyof typeof texts.admin.parts> = {
   worker: "queue",
   wait: "queue",
-  square: "queue",
+  cell: "queue",
   disk: "room",
   failed: "failures",
   "operation-planned": "roads",

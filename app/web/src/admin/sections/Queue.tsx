@@ -9,18 +9,18 @@ import { Loaded } from "../parts/Section";
 import { Table } from "../parts/Table";
 import type { Batch, UnsolvedCell, Waiting } from "../types";
 
-const SQUARES = "square to be solved";
+const CELLS = "cell to be solved";
 const LISTS: Record<string, string> = {
   "drive, uploaded or asked for": drivesPage({ status: "queued" }),
   "drive, in a batch": drivesPage({ status: "queued" }),
   "drive, running": drivesPage({ status: "running" }),
-  [SQUARES]: "/v1/admin/stats",
+  [CELLS]: "/v1/admin/stats",
 };
 const NAMES: Record<string, string> = {
   "drive, uploaded or asked for": "uploaded",
   "drive, in a batch": "in_batch",
   "drive, running": "running",
-  [SQUARES]: "squares",
+  [CELLS]: "cells",
 };
 
 function kindOf(row: Waiting): string {
@@ -49,7 +49,7 @@ export function Queue() {
                 { title: t("admin.queue.oldest"), number: true, cell: (row) => duration(row.oldest_s) },
               ]}
             />
-            {rows.some((row) => row.kind === SQUARES) && <Unsolved />}
+            {rows.some((row) => row.kind === CELLS) && <Unsolved />}
           </>
         )}
       </Loaded>
@@ -73,7 +73,7 @@ function Unsolved() {
             columns={[
               {
                 title: t("admin.queue.cell"),
-                cell: (row) => <a href={mapOfBox(row.bbox)}>{row.square}</a>,
+                cell: (row) => <a href={mapOfBox(row.bbox)}>{row.cell}</a>,
               },
               { title: t("admin.queue.solvers"), number: true, cell: (row) => number(row.solvers) },
               { title: t("admin.queue.since"), cell: (row) => moment(row.since) },
