@@ -6,12 +6,13 @@ import os
 import threading
 import time
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from sqlalchemy import text
 
 from app.core.settings import Settings
-from app.drives import intake, process, worker
+from app.drives import computing, intake, process, worker
 from app.drives.worker import run_worker
 from app.jobs import worker as jobs_worker
 from app.jobs.context import JobContext
@@ -92,8 +93,8 @@ def test_only_the_computation_of_a_drive_is_marked(
 ) -> None:
     marks: dict[str, bool] = {}
 
-    def watched(name: str) -> None:
-        former = getattr(process, name)
+    def watched(module: ModuleType, name: str) -> None:
+        former = getattr(module, name)
 
         def look(*arguments: object, **named: object) -> object:
             with context.sessions() as session:
@@ -101,10 +102,15 @@ def test_only_the_computation_of_a_drive_is_marked(
                 marks[name] = bool(session.execute(query).scalar_one())
             return former(*arguments, **named)
 
-        monkeypatch.setattr(process, name, look)
+        monkeypatch.setattr(module, name, look)
 
-    for name in ("read_log", "run_drive", "fill_heights_along", "_append"):
-        watched(name)
+    for module, name in (
+        (computing, "read_log"),
+        (computing, "run_drive"),
+        (process, "fill_heights_along"),
+        (process, "_append"),
+    ):
+        watched(module, name)
     drive = send(0, "profile")
     run_worker(settings, wait=False)
     assert drive_now(context, drive.id).status == "done"
