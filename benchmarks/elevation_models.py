@@ -159,7 +159,7 @@ def write_geotiff(grid: Grid, posts_m: Floats, path: Path) -> None:
 
 
 @dataclass(frozen=True)
-class Bench:
+class Setup:
     """What logs are made with."""
 
     args: Namespace
@@ -221,8 +221,8 @@ def run(args: Namespace) -> list[Row]:
     if not sequences:
         sys.exit(f"{folder}: no sequence named {args.sequences}")
     with tempfile.TemporaryDirectory() as temporary:
-        bench = Bench(args, tool, Path(temporary))
-        rows = [bench.row(sequence, model) for sequence in sequences for model in MODELS]
+        setup = Setup(args, tool, Path(temporary))
+        rows = [setup.row(sequence, model) for sequence in sequences for model in MODELS]
     show_progress("")
     return rows
 

@@ -312,8 +312,8 @@ def sentences(load: Load) -> list[str]:
     return [
         f"The machine's load was {load.load_before:.1f} before. It lasted {load.lasted_s:.1f} s, the import "
         f"{load.import_s:.1f} s.",
-        f"Event streams: {counted(load.streams)}; at once {load.most_streams}; each that was accepted heard at least "
-        f"{load.fewest_events} events.",
+        f"Event streams: {counted(load.streams)}; at once {load.most_streams}; each that was accepted received at "
+        f"least {load.fewest_events} events.",
         *(f"{method}: {counted(statuses)}." for method, statuses in load.answers.items()),
         f"Memory: {processes} = {load.memory_mb:.0f} MB, at once {load.memory_at_once_mb:.0f} MB; "
         f"at rest {load.memory_at_rest_mb:.0f} MB.",

@@ -106,7 +106,7 @@ def pooled(scored: Sequence[Scored]) -> Row:
 
 
 @dataclass(frozen=True)
-class Bench:
+class Setup:
     """The rides, each fused by itself once, and what they are scored by."""
 
     folder: Path
@@ -205,7 +205,7 @@ def halvings(numbers: Sequence[int], count: int) -> Iterator[tuple[list[int], li
         yield sorted(order[:middle]), sorted(order[middle:])
 
 
-def prepare(folder: Path, tool: ModuleType, method: str, numbers: Sequence[int]) -> Bench:
+def prepare(folder: Path, tool: ModuleType, method: str, numbers: Sequence[int]) -> Setup:
     """Read and fuse every ride by itself."""
     fusion = Fusion(method, parse_options(method), read_roads(folder / "roads.osm"), None)
     rides = {}
@@ -216,15 +216,15 @@ def prepare(folder: Path, tool: ModuleType, method: str, numbers: Sequence[int])
         except FusionError as error:
             print(f"ride {number} is left out: {error}", file=sys.stderr)
     stretches = find_stretches(tool, folder / "heights.csv", folder / "roads.osm")
-    return Bench(folder, tool, stretches, fusion, rides)
+    return Setup(folder, tool, stretches, fusion, rides)
 
 
-def run_subsets(bench: Bench, sets: Sequence[Sequence[int]]) -> list[Row]:
+def run_subsets(setup: Setup, sets: Sequence[Sequence[int]]) -> list[Row]:
     """The figures of each set, then their means; shares within sigma pooled."""
     rows, every = [], []
     for number, rides in enumerate(sets, 1):
         show_progress(f"set {number}/{len(sets)}")
-        row, scored = bench.score(rides)
+        row, scored = setup.score(rides)
         rows.append(row)
         every.append(scored)
     show_progress("")
@@ -246,11 +246,11 @@ def main() -> None:
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     folder = folder_of(args.data_dir, "storuman")
     tool = load_tool(args.stretches or tool_beside(folder, "stretches.py"))
-    bench = prepare(folder, tool, args.method, args.rides)
+    setup = prepare(folder, tool, args.method, args.rides)
     show_progress("all rides together")
-    rows = [bench.score(list(bench.rides))[0]]
+    rows = [setup.score(list(setup.rides))[0]]
     if args.subsets:
-        rows += run_subsets(bench, subsets(list(bench.rides), args.subsets, args.of))
+        rows += run_subsets(setup, subsets(list(setup.rides), args.subsets, args.of))
     show_progress("")
     print(text_table(rows, COLUMNS))
     better = sum(row["slopes_rmse"] < row["mean_rmse"] for row in rows[1:-1])

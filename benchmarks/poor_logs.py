@@ -93,7 +93,7 @@ Runs = dict[str, list[list[Errors]]]
 
 
 @dataclass(frozen=True)
-class Bench:
+class Setup:
     """What logs are made with."""
 
     tool: ModuleType
@@ -138,12 +138,12 @@ def run(args: Namespace, folder: Path) -> list[Row]:
     sequences = [s for s in find_sequences(data) if s.name in args.sequences.split(",")]
     if not sequences:
         sys.exit(f"{data}: no sequence named {args.sequences}")
-    bench = Bench(tool, folder, args.method, args.seeds)
+    setup = Setup(tool, folder, args.method, args.seeds)
     return [
         row
         for rung in RUNGS
         for every_s in map(float, args.every.split(","))
-        for row in bench.rows(sequences, rung, every_s)
+        for row in setup.rows(sequences, rung, every_s)
     ]
 
 

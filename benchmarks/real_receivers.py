@@ -63,7 +63,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Bench:
+class Setup:
     """One recorded log, and the same drive without noise."""
 
     sequence: Sequence
@@ -120,10 +120,10 @@ def run(args: Namespace) -> list[Row]:
     for folder in folders:
         with tempfile.TemporaryDirectory() as temporary:
             for sequence in find_sequences(folder, tool):
-                bench = Bench(sequence, tool, Path(temporary))
-                rows += bench.rows("all", methods, [None])
-                if np.ptp(read_columns(bench.log)["time_s"]) >= LONG_S:
-                    rows += bench.rows("two thirds", methods, list(range(args.seeds)))
+                setup = Setup(sequence, tool, Path(temporary))
+                rows += setup.rows("all", methods, [None])
+                if np.ptp(read_columns(setup.log)["time_s"]) >= LONG_S:
+                    rows += setup.rows("two thirds", methods, list(range(args.seeds)))
     show_progress("")
     return rows
 

@@ -130,7 +130,7 @@ def published_each_second(sessions: Sessions) -> Iterator[None]:
         thread.join()
 
 
-class Bench:
+class Setup:
     """The servers, and what is asked of them."""
 
     def __init__(self, sessions: Sessions, ours: int, theirs: int, plain: int, seconds: float) -> None:
@@ -147,7 +147,7 @@ class Bench:
     def round(self, zoom: int) -> dict[str, Rates]:
         """Every row once, at one zoom."""
         own = self.paths(zoom, "/tiles/{z}/{x}/{y}.mvt")
-        its = "/collections/bench.tiles/tiles/WebMercatorQuad/{z}/{x}/{y}?properties=" + ",".join(PROPERTIES)
+        its = "/collections/setup.tiles/tiles/WebMercatorQuad/{z}/{x}/{y}?properties=" + ",".join(PROPERTIES)
         rates = {
             "tipg": ask(self.theirs, self.paths(zoom, its), seconds=self.seconds, compressed=False),
             "bare": ask(self.plain, self.paths(zoom, "/{z}/{x}/{y}"), seconds=self.seconds, compressed=False),
@@ -173,7 +173,7 @@ class Bench:
         """Pages of 1,000 features."""
         ours = [Asked(f"/collections/segments/items?limit={PAGE}&bbox={box}") for box in self.boxes]
         theirs = [
-            Asked(f"/collections/bench.items/items?f=geojson&limit={PAGE}&bbox={box}") for box in self.boxes
+            Asked(f"/collections/setup.items/items?f=geojson&limit={PAGE}&bbox={box}") for box in self.boxes
         ]
         return {
             "items": ask(self.ours, ours, seconds=self.seconds, compressed=False),
@@ -213,7 +213,7 @@ def _box(zoom: int, x: int, y: int) -> str:
 
 
 @contextmanager
-def servers(cluster: EmbeddedPostgres, folder: Path, python: Path, seconds: float) -> Iterator[Bench]:
+def servers(cluster: EmbeddedPostgres, folder: Path, python: Path, seconds: float) -> Iterator[Setup]:
     """All of them, until the block ends."""
     dsn = libpq_url(cluster.url_of("million"))
     engine = make_engine(cluster.url_of("million"))
@@ -226,7 +226,7 @@ def servers(cluster: EmbeddedPostgres, folder: Path, python: Path, seconds: floa
         running.enter_context(service.started("worker", "--concurrency", "1"))
         service.await_ready()
         await_derived(session_factory(engine))
-        yield Bench(session_factory(engine), service.port, PORT, PORT + 1, seconds)
+        yield Setup(session_factory(engine), service.port, PORT, PORT + 1, seconds)
 
 
 def await_derived(sessions: Sessions) -> None:
@@ -258,7 +258,7 @@ def fill_once(cluster: EmbeddedPostgres, roads: Path, folder: Path, segments: in
     (folder / "filled").touch()
 
 
-def measure(bench: Bench, rounds: int) -> dict[str, Any]:
+def measure(setup: Setup, rounds: int) -> dict[str, Any]:
     """Medians over the rounds, ratios within rounds."""
     samples: dict[str, list[tuple[float, float, float]]] = {}
     ratios: dict[str, list[float]] = {}
@@ -275,11 +275,11 @@ def measure(bench: Bench, rounds: int) -> dict[str, Any]:
     for n in range(rounds):
         for zoom in ZOOMS:
             show_progress(f"round {n + 1} of {rounds}, zoom {zoom}")
-            rows = bench.round(zoom)
+            rows = setup.round(zoom)
             for name, rates in rows.items():
                 note(f"z{zoom} {name}", rates, rows["tipg"])
-            note(f"z{zoom} beside", bench.beside(zoom), rows["warm"])
-        pages = bench.items()
+            note(f"z{zoom} beside", setup.beside(zoom), rows["warm"])
+        pages = setup.items()
         note("items", pages["items"], pages["items, tipg"])
         note("items, tipg", pages["items, tipg"], None)
     return {
@@ -328,9 +328,9 @@ def main() -> None:
         )
         cluster = open_.enter_context(EmbeddedPostgres(folder / "cluster"))
         fill_once(cluster, chosen.file, folder, chosen.segments)
-        bench = open_.enter_context(servers(cluster, folder, chosen.tipg, chosen.seconds))
-        figures = measure(bench, chosen.rounds)
-        density = {zoom: round(float(np.mean([n for *_, n in bench.tiles[zoom]]))) for zoom in ZOOMS}
+        setup = open_.enter_context(servers(cluster, folder, chosen.tipg, chosen.seconds))
+        figures = measure(setup, chosen.rounds)
+        density = {zoom: round(float(np.mean([n for *_, n in setup.tiles[zoom]]))) for zoom in ZOOMS}
     show_progress("")
     report(figures, density)
     write_json(chosen.json, figures)

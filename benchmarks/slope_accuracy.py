@@ -74,7 +74,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Bench:
+class Setup:
     """What does not change from one number of drives to the next."""
 
     args: Namespace
@@ -125,10 +125,10 @@ def run(args: Namespace) -> list[Row]:
     rows: list[Row] = []
     base: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
-        bench = Bench(args, tool, Path(folder), dict(item.split("=", 1) for item in args.option))
+        setup = Setup(args, tool, Path(folder), dict(item.split("=", 1) for item in args.option))
         for drives in args.drives:
             methods = [args.method] if rows else [args.method, *baselines]
-            errors = {s.name: bench.errors(s, drives, methods) for s in sequences}
+            errors = {s.name: setup.errors(s, drives, methods) for s in sequences}
             block = [row for name, of in errors.items() for row in summarise(name, {m: [of[m]] for m in of})]
             if len(errors) > 1:
                 together = {m: [of[m] for of in errors.values()] for m in (*methods, NOISE_FREE)}

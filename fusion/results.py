@@ -73,7 +73,7 @@ def solve(
 
     ``roads`` and ``dem`` must be those that the drives were run on: ``KeyError`` for a drive over other roads.
     ``control`` are surveyed heights; with ``gaps`` short undriven segments between driven ones get a slope too, with
-    its own sigma and 0 drives. The order of the drives changes nothing, and a drive that comes twice counts once.
+    its own sigma and 0 drives. The order of the drives changes nothing, and a duplicate drive counts once.
     """
     nothing = np.empty(0)
     fused = [_FusedDrive(rows_of(roads, network.table), result, nothing) for network, result in drives]

@@ -139,5 +139,5 @@ def test_other_words_are_left_alone(word: str, name: str, text: str) -> None:
 
 def test_files_are_looked_at() -> None:
     names = texts()
-    assert {"app/main.py", "fusion/types.py", "docs/index.md", "tests/test_glossary.py"} <= names.keys()
+    assert {"app/main.py", "fusion/types.py", "docs/index.md", "tests/test_layout.py"} <= names.keys()
     assert not any(Path(name).suffix == ".map" for name in names)

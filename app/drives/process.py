@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
+from app.core.db import Sessions
 from app.core.telemetry import tracing
 from app.core.telemetry.events import Stages
 from app.core.telemetry.logs import about, tell
@@ -27,7 +28,6 @@ from app.drives import claims, publishing, queue, tracks
 from app.drives.computing import Computed, Computing, compute
 from app.drives.documents import Drive
 from app.drives.faults import fault_of
-from app.drives.lags import with_settled_lag
 from app.drives.progress import (
     RunProgress,
     shown_on,
@@ -43,10 +43,12 @@ from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
 from app.network.marks import MarkedBy
 from app.network.road_states import road_states
+from app.network.solve import lag_among_all
 from app.terrain.heights import fill_heights_along
 from fusion.formats.base import NO_DATE
-from fusion.pipeline import parse_options
-from fusion.types import DriveLog
+from fusion.methods.base import DriveResult
+from fusion.pipeline import LAG_ROUNDS, factors_for_lag, parse_options
+from fusion.types import DriveLog, Ints
 
 logger = logging.getLogger(__name__)
 
@@ -192,6 +194,29 @@ def _append(context: JobContext, drive: Drive, computed: Computed, *, behind: bo
         )
         queue.enqueue_solve(session)
     return True
+
+
+def with_settled_lag(
+    sessions: Sessions, drive_id: uuid.UUID, segment_ids: Ints, result: DriveResult
+) -> DriveResult:
+    """The result with its factors made anew for the lag that the stored network finds; most results as they are.
+
+    How late the altimeter is follows from all drives (``fusion.pipeline.factors_for_lag``, as for logs at hand). It is
+    found before the network is owned: others go on publishing meanwhile.
+
+    ``segment_ids`` maps the segments of the result's factors to the database's ids.
+    """
+    factors = result.factors
+    if result.late_by is None or not factors:
+        return result
+    for _ in range(LAG_ROUNDS - 1):
+        with sessions() as session:
+            lag = lag_among_all(session, drive_id, slopes.in_database(factors, segment_ids))
+        anew = factors_for_lag(result, factors, lag)
+        if anew is None:
+            break
+        factors = anew
+    return replace(result, factors=factors)
 
 
 def drive_time(log: DriveLog) -> datetime | None:

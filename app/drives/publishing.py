@@ -1,6 +1,6 @@
-"""What comes after a drive has said what it has to say: squares are solved, drives become done, removed ones go.
+"""What comes after a drive has said what it has to say: cells are solved, drives become done, removed ones go.
 
-Between both stand marks (``app.network.marks``): a drive is done once its squares were solved with it, and gone once
+Between both stand marks (``app.network.marks``): a drive is done once its cells were solved with it, and gone once
 they were solved without it. All of it may be cut off at any moment and done twice.
 """
 
@@ -34,7 +34,7 @@ from app.roads import retired
 logger = logging.getLogger(__name__)
 
 SOLVING_S = 0.5
-"""While drives wait, a square that is marked waits for so long times the number of marked ones: solving one takes about
+"""While drives wait, a cell that is marked waits for so long times the number of marked ones: solving one takes about
 a fifth of that (``benchmarks/publishing.py``), so that most of the time is the drives'."""
 
 SETTLE_AFTER_S = 600.0
@@ -50,7 +50,7 @@ for all that has changed by then."""
 
 
 def patience_s(session: Session, publish_every_s: float, *, behind: bool) -> float:
-    """How long a drive's squares may wait to be solved, s: not at all, unless other drives wait as well.
+    """How long a drive's cells may wait to be solved, s: not at all, unless other drives wait as well.
 
     ``behind``: the drive is of those that are processed again by the thousand.
     """
@@ -60,7 +60,7 @@ def patience_s(session: Session, publish_every_s: float, *, behind: bool) -> flo
 
 
 def solve_some(sessions: Sessions, blobs: BlobStore) -> int:
-    """Solve squares that are due, and see to the drives that waited for them; the number of squares.
+    """Solve cells that are due, and see to the drives that waited for them; the number of cells.
 
     Where more are due than one solver takes, another is asked for first.
     """
@@ -73,17 +73,17 @@ def solve_some(sessions: Sessions, blobs: BlobStore) -> int:
         try:
             count = solve_marked(sessions, more=ask, published=lambda: finish(sessions, blobs))
         except BusyError:
-            logger.info("squares that others write in are left for the next solver", exc_info=True)
+            logger.info("cells that others write in are left for the next solver", exc_info=True)
             count = 0
-        span.note(squares=count)
+        span.note(cells=count)
     finish(sessions, blobs)
     return count
 
 
 def look_after(sessions: Sessions, blobs: BlobStore) -> None:
-    """Finish drives whose squares were solved elsewhere, and ask for a solver where marks are due and none waits.
+    """Finish drives whose cells were solved elsewhere, and ask for a solver where marks are due and none waits.
 
-    Squares wait for the sake of drives that wait: when none does any more, all are due.
+    Cells wait for the sake of drives that wait: when none does any more, all are due.
     """
     finish(sessions, blobs)
     with sessions.begin() as session:
@@ -94,7 +94,7 @@ def look_after(sessions: Sessions, blobs: BlobStore) -> None:
 
 
 def settle_quietly(sessions: Sessions) -> bool:
-    """Settle a square that has changed a while ago, when no drive waits; whether there was one.
+    """Settle a cell that has changed a while ago, when no drive waits; whether there was one.
 
     What no solver can solve keeps the rest from being settled no longer than it takes to find that out.
     """
@@ -125,7 +125,7 @@ class Deriver:
 def finish(sessions: Sessions, blobs: BlobStore) -> int:
     """End the drives of which no mark is left: those that were published are done, those that were removed go.
 
-    Done are also those of which only marks in squares are left that no solver can solve.
+    Done are also those of which only marks in cells are left that no solver can solve.
     """
     with sessions.begin() as session:
         published = endings.published_drives(session)
@@ -133,9 +133,9 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
             endings.mark_done(session, drive.id)
             said = {"method": drive.method, "segments": drive.report.get("segments_estimated")}
             announce_drive(session, DRIVE_DONE, drive.id, said)
-        heard = rejections_of(session, [drive.id for drive in published])
+        rejections = rejections_of(session, [drive.id for drive in published])
     for drive in published:
-        _tell_done(drive, heard.get(drive.id))
+        _tell_done(drive, rejections.get(drive.id))
     with sessions.begin() as session:
         removed = endings.delete_removed(session)
         files = _clear_up(session, [one.bbox for one in removed if one.bbox is not None]) if removed else []
@@ -159,7 +159,7 @@ def _clear_up(session: Session, boxes: Sequence[Bounds]) -> list[str]:
     return exports.end_over(session, wide)
 
 
-def _tell_done(drive: endings.Published, heard: Rejections | None) -> None:
+def _tell_done(drive: endings.Published, rejections: Rejections | None) -> None:
     DRIVES_DONE.count(drive.method)
     if drive.waited_s is not None:
         STAGE_S.observe(drive.waited_s, "publishing", drive.method)
@@ -170,14 +170,14 @@ def _tell_done(drive: endings.Published, heard: Rejections | None) -> None:
             method=drive.method,
             km=None if drive.distance_m is None else drive.distance_m / 1000,
             segments=drive.report.get("segments_estimated"),
-            rejected_segments=heard.rejected if heard else 0,
+            rejected_segments=rejections.rejected if rejections else 0,
             warnings=len(drive.report.get("warnings", ())),
             publishing_s=drive.waited_s,
         )
 
 
 def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation: int) -> None:
-    """Take back what a drive said whose removal was asked for, and delete its log; its row goes when its squares are
+    """Take back what a drive said whose removal was asked for, and delete its log; its row goes when its cells are
     solved, however long that takes."""
     blob_key = None
     with sessions.begin() as session:

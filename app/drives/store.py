@@ -79,7 +79,7 @@ CANCELLED = """
 """
 """What becomes of a drive (d) whose removal is asked for. A worker that computes it finds by the generation that its
 result is unwanted. What it is known by is free from here on: the same log uploaded again is another drive, and does not
-go with this one. Its row may have to wait for its squares: what stays is what takes it back."""
+go with this one. Its row may have to wait for its cells: what stays is what takes it back."""
 _CANCEL = text(
     f"UPDATE drives AS d SET {CANCELLED} WHERE d.id = :id AND {IS_SHOWN.format('d')} RETURNING d.generation"  # noqa: S608
 )

@@ -119,7 +119,7 @@ CHANGES: tuple[Change, ...] = (
     *_both(_LINEAR, "DRIFT_TAU_S"),
     *_both(_FACTORS, "PLACE_TAU_S"),
     *_both(_FACTORS, "PLACE_PART_S"),
-    Change(_LINEAR, "ASKEW_SIGMA", "off: 0", set_to(0.0)),
+    Change(_LINEAR, "MISALIGNMENT_SIGMA", "off: 0", set_to(0.0)),
     Change(_LINEAR, "SLOW_MPS", "off: 0", set_to(0.0)),
 )
 """Halved, doubled or switched off: what could be missed without it, or tuned by it."""

@@ -31,7 +31,7 @@ from shutil import which
 from accuracy.scoring import show_progress, write_json
 from clients import features, vector_tiles
 from clients.scene import scene
-from clients.truth import Reading, Truth, Verdict
+from clients.truth import Comparison, Reading, Truth
 
 Client = Callable[[str, Path], Reading]
 
@@ -62,7 +62,7 @@ def clients(maplibre: Path | None) -> dict[str, tuple[Client | None, str]]:
 def main() -> None:
     """Start the service, let each client read, print the table, write JSON."""
     chosen = _arguments()
-    verdicts: list[Verdict] = []
+    comparisons: list[Comparison] = []
     left_out: dict[str, str] = {}
     with scene(chosen.map) as here:
         truth = Truth(here.database_url)
@@ -74,34 +74,35 @@ def main() -> None:
                 left_out[name] = reason
                 continue
             show_progress(name)
-            verdicts.append(_judged(name, client, here.address, truth))
+            comparisons.append(_judged(name, client, here.address, truth))
     show_progress("")
-    _print(verdicts, left_out)
+    _print(comparisons, left_out)
     write_json(
-        chosen.json, {"segments": len(truth), "clients": [asdict(v) for v in verdicts], "left_out": left_out}
+        chosen.json,
+        {"segments": len(truth), "clients": [asdict(v) for v in comparisons], "left_out": left_out},
     )
-    sys.exit(any(not verdict.equal or verdict.wrong_kinds for verdict in verdicts))
+    sys.exit(any(not comparison.equal or comparison.wrong_kinds for comparison in comparisons))
 
 
-def _judged(name: str, client: Client, address: str, truth: Truth) -> Verdict:
+def _judged(name: str, client: Client, address: str, truth: Truth) -> Comparison:
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="versant-client-") as folder:
         try:
             reading = features.complete(client, address, Path(folder))
-            verdict = truth.judged(name, reading)
+            comparison = truth.judged(name, reading)
         except Exception as error:
             took = time.perf_counter() - began
-            return Verdict(name, "", 0, False, "", {}, took, f"{type(error).__name__}: {error}"[:400])
-    if not verdict.equal:
+            return Comparison(name, "", 0, False, "", {}, took, f"{type(error).__name__}: {error}"[:400])
+    if not comparison.equal:
         print(f"{name}: {truth.difference(reading)}")
-    return verdict
+    return comparison
 
 
-def _print(verdicts: list[Verdict], left_out: dict[str, str]) -> None:
+def _print(comparisons: list[Comparison], left_out: dict[str, str]) -> None:
     print(
         f"{'client':<14} {'version':<22} {'segments':>9} {'equal':>6} {'kinds':>6} {'seconds':>8}  checksum"
     )
-    for one in verdicts:
+    for one in comparisons:
         equal, kinds = ("yes" if good else "NO" for good in (one.equal, not one.wrong_kinds))
         print(
             f"{one.client:<14} {one.version:<22} {one.features:>9,} {equal:>6} {kinds:>6} {one.seconds:>8.1f}  "

@@ -50,7 +50,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Comparison:
     """A client's line of the table."""
 
     client: str
@@ -77,14 +77,14 @@ class Truth:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def judged(self, client: str, reading: Reading) -> Verdict:
+    def judged(self, client: str, reading: Reading) -> Comparison:
         """Compare checksums over all that the client knows of each segment, and its kinds with the contract's."""
         if reading.names not in self._checksums:
             self._checksums[reading.names] = checksum(self.rows, reading.names)[1]
         count, digest = checksum(reading.rows, reading.names)
         wrong = {name: kind for name, kind in reading.kinds.items() if EXPECTED_KINDS.get(name, kind) != kind}
         equal = count == len(self) and digest == self._checksums[reading.names]
-        return Verdict(
+        return Comparison(
             client, reading.version, count, equal, digest[:12], wrong, reading.seconds, reading.remarks
         )
 

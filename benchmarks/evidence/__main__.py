@@ -7,7 +7,7 @@ kilometres and 25 segments, stored and solved in an embedded PostgreSQL as the s
 and 10,000 passes a segment, up to ``--most``: what a solution of the whole street reads and takes, with sums and, up to
 ``--without``, in a second database in which all passes are read; there also how far slopes and sigmas with sums are
 from those without. At last bytes: of a pass in the table and each index, and of the log (WAL) for a pass that is
-appended, one that is summed, and a verdict. ``--jury`` tries another number of passes in the jury.
+appended, one that is condensed, and a rejection. ``--recent`` tries another number of recent passes.
 """
 
 from __future__ import annotations
@@ -220,8 +220,8 @@ def store(street: Street, batch: Sequence[Sequence[PassFactor]]) -> None:
         append(street.sessions, street.ids, factors)
 
 
-def verdicts(street: Street) -> Written:
-    """What turning verdicts writes."""
+def rejections(street: Street) -> Written:
+    """What turning rejections writes."""
     out = Written()
     with street.sessions() as session:
         read = passes.passes_over(session, street.ids.tolist())[:500]
@@ -249,10 +249,10 @@ def main() -> None:
     )
     parser.add_argument("--most", type=int, default=1000, help="passes over each segment")
     parser.add_argument("--without", type=int, default=300, help="up to so many also without sums")
-    parser.add_argument("--jury", type=int, default=condensed.RECENT_PASSES)
+    parser.add_argument("--recent", type=int, default=condensed.RECENT_PASSES)
     parser.add_argument("--json", type=Path, help="write the figures to this file as well")
     args = parser.parse_args()
-    condensed.RECENT_PASSES = args.jury
+    condensed.RECENT_PASSES = args.recent
     table = the_street()
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
@@ -260,11 +260,11 @@ def main() -> None:
     ):
         street, full = (Street.new(cluster, name, table) for name in ("sums", "every"))
         rows, (appended, summed) = grown(street, full, Synthetic(table), args.most, args.without)
-        turned, stored = verdicts(street), sizes(street)
+        turned, stored = rejections(street), sizes(street)
         street.engine.dispose()
         full.engine.dispose()
-    written = {"appended": appended, "summed": summed, "verdict": turned}
-    print(f"A street of {SEGMENTS} segments, a jury of {args.jury}; a solution of the whole street:")
+    written = {"appended": appended, "summed": summed, "rejection": turned}
+    print(f"A street of {SEGMENTS} segments, {args.recent} recent passes; a solution of the whole street:")
     print(text_table(rows, STEP_COLUMNS), end="\n\n")
     print(text_table([one.row(name) for name, one in written.items()], WRITTEN_COLUMNS), end="\n\n")
     print(text_table([{"kind": kind, "bytes": size} for kind, size in stored.items()], STORED_COLUMNS))

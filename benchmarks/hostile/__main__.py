@@ -118,7 +118,7 @@ def main() -> None:
         if args.keep is None:
             shutil.rmtree(folder, ignore_errors=True)
     show_progress("")
-    wrong = verdict(rows, lost)
+    wrong = judgement(rows, lost)
     for line in report(rows, wrong):
         print(line)
     write_json(args.json, {"rows": [asdict(row) for row in rows], "lost": lost, "wrong": wrong})
@@ -228,14 +228,14 @@ def _place(town: Town) -> tuple[str, str]:
     return box, f"14/{int(x * 2**14)}/{int(y * 2**14)}"
 
 
-def verdict(rows: Sequence[Row], lost: dict[str, int]) -> list[str]:
+def judgement(rows: Sequence[Row], lost: dict[str, int]) -> list[str]:
     """What is beyond the bounds; nothing: good."""
     wrong = [fault for row in rows for fault in row.faults]
     return wrong + [f"{count} of the client's drives: {state}" for state, count in lost.items()]
 
 
 def report(rows: Sequence[Row], wrong: Sequence[str]) -> list[str]:
-    """The table, what the attackers were answered, and the verdict."""
+    """The table, what the attackers were answered, and the judgement."""
     table = [_cells(row) for row in rows]
     lines = [text_table(table, {name: (name, "") for name in table[0]}), ""]
     for row in rows:

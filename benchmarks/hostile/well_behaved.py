@@ -50,7 +50,7 @@ class Served:
 
 
 def served(answers: Sequence[Answer], ended_s: float) -> Served:
-    """Sum up the answers to one kind, in the order of asking, until ``ended_s`` (s, monotonic)."""
+    """Summarise the answers to one kind, in the order of asking, until ``ended_s`` (s, monotonic)."""
     took = np.array([answer.took_s for answer in answers] or [np.nan])
     return Served(
         len(answers),

@@ -52,7 +52,7 @@ ACTS_EVERY_S = 0.6
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Result:
     """What was done and what was found."""
 
     seed: int
@@ -93,18 +93,18 @@ def main() -> None:
     folder = args.keep or Path(tempfile.mkdtemp(prefix="versant-soak-"))
     folder.mkdir(parents=True, exist_ok=True)
     print(f"soak of {args.seconds:.0f} s, --seed {args.seed}", flush=True)
-    verdict = soak(folder, args.seconds, args.seed, args.logs)
+    result = soak(folder, args.seconds, args.seed, args.logs)
     show_progress("")
-    for line in report(verdict):
+    for line in report(result):
         print(line)
-    write_json(args.json, {**asdict(verdict), "good": verdict.good})
-    if not verdict.good:
+    write_json(args.json, {**asdict(result), "good": result.good})
+    if not result.good:
         sys.exit(f"Something is wrong. What the service said is in {folder / 'service.log'}.")
     if args.keep is None:
         shutil.rmtree(folder)
 
 
-def soak(folder: Path, seconds: float, seed: int, logs: int) -> Verdict:
+def soak(folder: Path, seconds: float, seed: int, logs: int) -> Result:
     """Run it in a folder."""
     material = make_material(folder, logs, seed)
     with disturbed(folder) as service:
@@ -128,7 +128,7 @@ def soak(folder: Path, seconds: float, seed: int, logs: int) -> Verdict:
             rng = random.Random(f"{seed} scratch")  # noqa: S311 - no secret
             scratch = from_scratch(service, folder / "scratch", material, operator.stays, there, rng)
             distance = judging.far(at_once, settled, scratch)
-        return Verdict(
+        return Result(
             seed,
             seconds,
             _by_act(ledger.counts),
@@ -198,7 +198,7 @@ def _by_act(counts: Counter[tuple[str, str]]) -> dict[str, dict[str, int]]:
     }
 
 
-def report(verdict: Verdict) -> list[str]:
+def report(result: Result) -> list[str]:
     """Two tables, and a sentence."""
     acts: list[dict[str, Any]] = [
         {
@@ -206,22 +206,22 @@ def report(verdict: Verdict) -> list[str]:
             "times": sum(ends.values()),
             "ended": ", ".join(f"{end}: {n}" for end, n in ends.items()),
         }
-        for act, ends in verdict.acts.items()
+        for act, ends in result.acts.items()
     ]
-    rows = [{"found": name, "count": count} for name, count in verdict.wrong.items()]
+    rows = [{"found": name, "count": count} for name, count in result.wrong.items()]
     lines = [text_table(acts, {"act": ("done", ""), "times": ("times", "d"), "ended": ("ended", "")}), ""]
     lines += [text_table(rows, {"found": ("wrong", ""), "count": ("count", "d")}), ""]
-    lines += verdict.said
+    lines += result.said
     lines.append(
-        f"{verdict.drives} drives are there, {verdict.orphans} logs without one; at rest after {verdict.rest_s:.0f} s."
+        f"{result.drives} drives are there, {result.orphans} logs without one; at rest after {result.rest_s:.0f} s."
     )
-    if (far := verdict.far) is not None:
+    if (far := result.far) is not None:
         lines.append(
             f"{far.segments} segments from scratch: at once {100 * judging.AT_ONCE_SHARE:.0f} % are within "
             f"{far.at_once_sigmas:.2g} sigma and all within {far.at_once_all_sigmas:.2g}; settled, all are within "
             f"{far.settled_sigmas:.2g} sigma and {far.other_segments} others."
         )
-    lines.append(f"{'Good' if verdict.good else 'Wrong'} (--seed {verdict.seed}).")
+    lines.append(f"{'Good' if result.good else 'Wrong'} (--seed {result.seed}).")
     return lines
 
 

@@ -6,14 +6,13 @@ Knows no format.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats.plain_times import plain_seconds
 from fusion.signals import Navigation, RawGnss
 from fusion.types import Bools, DeviceMotion, DriveLog, Floats, GnssFix, GnssVelocity, Progress, SensorTable
 
@@ -266,22 +265,6 @@ def _calendar(time_s: float) -> str:
     year = 1970 + time_s / 31556952.0
     about = f" (about the year {year:.0f})" if 0 < year < 1e6 else ""
     return f"{time_s:.14g} s{about}"
-
-
-def unix_seconds(texts: Sequence[str | None]) -> Floats:
-    """Unix seconds (n,) of RFC 3339 / ISO 8601 times; without offset taken as UTC; NaN where unreadable."""
-    out = plain_seconds(texts)
-    others = [(k, text) for k in np.flatnonzero(np.isnan(out)).tolist() if (text := texts[k]) is not None]
-    if not others:
-        return out
-    import pandas as pd  # noqa: PLC0415 - it takes longer to load than most logs to read
-
-    parsed = pd.to_datetime(
-        pd.Series([text for _, text in others], dtype="object"), utc=True, format="ISO8601", errors="coerce"
-    )
-    micros = parsed.dt.tz_localize(None).to_numpy().astype("datetime64[us]")
-    out[[k for k, _ in others]] = np.where(np.isnat(micros), np.nan, micros.astype(np.int64) / 1e6)
-    return out
 
 
 def ground_velocity(speed_mps: Floats, heading_rad: Floats) -> tuple[Floats, Floats]:

@@ -54,3 +54,19 @@ def _fraction(grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ends_well &= ~inside | (value <= 9)
         micros += np.where(inside, value.astype(np.int64) * (10 ** (5 - k) if k < 6 else 0), 0)
     return micros, ends_well
+
+
+def unix_seconds(texts: Sequence[str | None]) -> Floats:
+    """Unix seconds (n,) of RFC 3339 / ISO 8601 times; without offset taken as UTC; NaN where unreadable."""
+    out = plain_seconds(texts)
+    others = [(k, text) for k in np.flatnonzero(np.isnan(out)).tolist() if (text := texts[k]) is not None]
+    if not others:
+        return out
+    import pandas as pd  # noqa: PLC0415 - it takes longer to load than most logs to read
+
+    parsed = pd.to_datetime(
+        pd.Series([text for _, text in others], dtype="object"), utc=True, format="ISO8601", errors="coerce"
+    )
+    micros = parsed.dt.tz_localize(None).to_numpy().astype("datetime64[us]")
+    out[[k for k, _ in others]] = np.where(np.isnat(micros), np.nan, micros.astype(np.int64) / 1e6)
+    return out

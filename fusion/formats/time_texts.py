@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.formats.base import unix_seconds
+from fusion.formats.plain_times import unix_seconds
 from fusion.types import Bools, Floats, Ints
 
 _MONTHS = {

@@ -15,7 +15,8 @@ from xml.parsers import expat
 import numpy as np
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import Data, Notes, refuse_many, unix_seconds
+from fusion.formats.base import Data, Notes, refuse_many
+from fusion.formats.plain_times import unix_seconds
 from fusion.types import Floats, Ints, Progress
 
 NAN = float("nan")

@@ -1,4 +1,4 @@
-"""Sums of passes: what many drives say of one segment in the room of one pass, however many they are.
+"""Condensed passes: what many drives say of one segment in the room of one pass, however many they are.
 
 A pass speaks of the road and of its drive's own errors. With these integrated out, pass by pass, what is left speaks of
 the knots of the segment alone, and such pieces are added up, and taken off again when a drive goes. A drive's constants

@@ -1,4 +1,4 @@
-"""One drive that came twice, maybe in two formats, is one witness: which drives are the same, by times and places.
+"""Which drives are duplicates of others, maybe in another format, by times and places.
 
 A receiver writes the same epochs into all of its logs, and a vehicle enters its segments at the same moments whichever
 log says so. Neither logs nor what drives say of slopes is known here.
@@ -41,21 +41,21 @@ class DriveTrace:
     measurements: int
 
 
-def find_duplicates(witnesses: Mapping[int, DriveTrace]) -> dict[int, int]:
-    """Drives that another one says again, each with the other: the one with more measurements.
+def find_duplicates(traces: Mapping[int, DriveTrace]) -> dict[int, int]:
+    """Drives that another one duplicates, each with the other: the one with more measurements.
 
     The order and the names of the drives have no part in it, unless two are alike to the last digit.
     """
-    best_first = sorted(witnesses, key=lambda k: _rank(witnesses[k]))
-    kept: list[int] = []
-    again: dict[int, int] = {}
+    best_first = sorted(traces, key=lambda k: _rank(traces[k]))
+    originals: list[int] = []
+    duplicates: dict[int, int] = {}
     for k in best_first:
-        twin = next((other for other in kept if is_duplicate(witnesses[k], witnesses[other])), None)
-        if twin is None:
-            kept.append(k)
+        original = next((other for other in originals if is_duplicate(traces[k], traces[other])), None)
+        if original is None:
+            originals.append(k)
         else:
-            again[k] = twin
-    return again
+            duplicates[k] = original
+    return duplicates
 
 
 def _rank(one: DriveTrace) -> tuple[float, ...]:

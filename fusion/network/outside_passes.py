@@ -2,7 +2,7 @@
 
 In a window the constants of a drive stay unknowns. Its passes outside speak of them too: each of them alone, over a
 road of which nothing is known but that grades are small, never the drive's own posterior. What other drives know of
-the roads outside is left unsaid, so this is never too much. Sums of passes are added and subtracted: a window's part
+the roads outside is left unsaid, so this is never too much. Condensed passes are added and subtracted: a window's part
 is what the whole drive says less what it says inside.
 """
 

@@ -181,7 +181,7 @@ def _node_heights(u: RoadUnknowns, solution: Solution) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Passes:
-    """All passes with the verdicts over them: names (drive, sequence), and columns of shape (m,)."""
+    """All passes with whether each is rejected: names (drive, sequence), and columns of shape (m,)."""
 
     names: list[tuple[int, int]]
     segment: Ints
@@ -196,7 +196,7 @@ class _Passes:
 
 def _passes(said: DriveBeliefs, solution: Solution) -> _Passes:
     members = [(d, said.passes[d][k]) for group, _, _, _ in said.groups for d, k in group]
-    verdicts = [
+    rejected = [
         (misfit <= REJECT_SIGMAS**2) & (blocks.weight > 0)
         for (_, blocks, _, _), misfit in zip(said.groups, said.misfits(solution), strict=True)
     ]
@@ -206,7 +206,7 @@ def _passes(said: DriveBeliefs, solution: Solution) -> _Passes:
         np.array([p.observations for _, p in members], np.int64),
         np.array([p.start_m for _, p in members], float),
         np.array([p.end_m for _, p in members], float),
-        np.concatenate([np.empty(0, np.bool_), *verdicts]),
+        np.concatenate([np.empty(0, np.bool_), *rejected]),
         np.concatenate([np.empty(0), *(blocks.weight for _, blocks, _, _ in said.groups)]),
         np.array([max(p.condensed, 1) for _, p in members], np.int64),
     )

@@ -85,18 +85,18 @@ def learn(
     noise, jumps, variance, smoothed = found.noise, found.jumps, found.variance, found.smoothed
     filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
     every = np.ones(len(measured), bool), np.ones(len(measured))
-    heard, repeated = _apart(measured) if filtered else every
-    told = measured.take(heard), replace(epochs, of_measurement=epochs.of_measurement[heard])
+    used, repeated = _apart(measured) if filtered else every
+    told = measured.take(used), replace(epochs, of_measurement=epochs.of_measurement[used])
     if filtered:
-        noise = most_likely(*told, noise, start, found.weight[heard], jumps)
+        noise = most_likely(*told, noise, start, found.weight[used], jumps)
         variance = gaussian_variance(measured, noise) * repeated / found.weight
         smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
-    likely = expected(noise, log_sigmas(*told, noise, start, found.weight[heard], jumps))
+    likely = expected(noise, log_sigmas(*told, noise, start, found.weight[used], jumps))
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
     weight = (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
-    weight = weight * _heard(square)
+    weight = weight * _outlier_factor(square)
     variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
     smoothed = linear_model(measured, epochs, likely, variance, jumps).smooth()
     outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
@@ -128,7 +128,7 @@ def _levels(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> _Fo
         jumps = _with_jump(epochs, smoothed, jumps)
         noise = noise.with_(**_shared(measured, epochs, noise, smoothed, variance))
         square = np.maximum(normalised_square(smoothed, variance, usual), 1e-9)
-        weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _heard(square)
+        weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _outlier_factor(square)
     return _Found(noise, jumps, variance, smoothed, weight)
 
 
@@ -142,12 +142,12 @@ def _apart(measured: Measurements) -> tuple[Bools, Floats]:
     altitude = measured.sensor == ALTITUDE
     mine = np.flatnonzero(altitude)
     apart = mine[spaced(measured.time_s[mine], 0.95 * HEIGHTS_APART_S)]
-    heard = ~altitude
-    heard[apart] = True
-    return heard, np.where(altitude, len(mine) / max(len(apart), 1), 1.0)
+    used = ~altitude
+    used[apart] = True
+    return used, np.where(altitude, len(mine) / max(len(apart), 1), 1.0)
 
 
-def _heard(square: Floats) -> Floats:
+def _outlier_factor(square: Floats) -> Floats:
     """Factor on the weight of measurements whose squared errors are so large, (m,)."""
     return np.asarray(np.minimum(1.0, (OUTLIER_SIGMAS**2 / np.maximum(square, 1e-9)) ** 2))
 

@@ -67,7 +67,7 @@ def test_what_is_beyond_the_bounds_is_told() -> None:
     assert row(items=good).faults == []
     assert row(items=slow).faults == ["it: p99 of items is 2.50 s"]
     assert row(tile=gone, items=good).faults == ["it: tile was turned away for 6.1 s"]
-    assert hostile.verdict([row(items=good)], {"failed": 1}) == ["1 of the client's drives: failed"]
+    assert hostile.judgement([row(items=good)], {"failed": 1}) == ["1 of the client's drives: failed"]
     assert hostile.report([row(items=good)], [])[-1] == "Good."
 
 

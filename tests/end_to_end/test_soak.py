@@ -31,8 +31,8 @@ def test_nothing_is_lost_stuck_or_doubled_when_everything_is_killed_at_random(tm
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    verdict = json.loads(report.read_text())
-    assert verdict["good"]
-    kills = {act for act, ends in verdict["acts"].items() if act.startswith("kill, ") and "done" in ends}
+    result = json.loads(report.read_text())
+    assert result["good"]
+    kills = {act for act, ends in result["acts"].items() if act.startswith("kill, ") and "done" in ends}
     assert kills == {"kill, API", "kill, worker", "kill, postmaster", "kill, backend"}
-    assert verdict["acts"]["upload"]["202"] > 3
+    assert result["acts"]["upload"]["202"] > 3

@@ -32,7 +32,7 @@ def log_of(table: RoadTable, begin_s: float, said: Mapping[int, Sequence[float]]
 
 
 def test_a_log_that_contradicts_the_others_is_counted() -> None:
-    """Rejected are segments on which no pass of a log is heard; logs without factors have none."""
+    """Rejected are segments on which no pass of a log is accepted; logs without factors have none."""
     logs = [
         log_of(TABLE, 40.0, {0: [9.0], 1: [9.0, 2.0], 2: [2.0]}),  # wrong; wrong once of twice; right
         log_of(TABLE, 10.0, {}),

@@ -67,7 +67,7 @@ def test_drives_are_solved_together_in_any_order(roads: RoadTable, drives: list[
     assert one.drives.isin([1, 2]).all()
     assert one.equals(other)
     twice = fusion.solve([*drives, drives[0]], roads)
-    assert len(twice.duplicates) == 1, "a drive that comes twice is heard once"
+    assert len(twice.duplicates) == 1, "a duplicate drive counts once"
     assert fusion.segments_frame(twice).equals(one)
 
 

@@ -259,8 +259,8 @@ class DenseAdjustment:
             scale = max(float(np.median([*miss, *[1.0] * int(prior)])), 1.0)
             for _ in range(5):
                 tail = (free + 1) / (free + miss / scale)
-                heard = np.minimum(1.0, drives.REJECT_SIGMAS**2 * scale / np.maximum(miss, 1e-9))
-                scale = max(float(((tail * heard) @ miss + prior) / (len(own) + prior)), 1.0)
+                accepted = np.minimum(1.0, drives.REJECT_SIGMAS**2 * scale / np.maximum(miss, 1e-9))
+                scale = max(float(((tail * accepted) @ miss + prior) / (len(own) + prior)), 1.0)
             self.pass_scale[d] = scale
             for equation, c in own:
                 scaled = c / self.pass_scale[d]

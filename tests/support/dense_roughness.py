@@ -36,12 +36,12 @@ class DenseUsual:
         self.at = _at_rows(self.around, self.begin)
 
     def learn(self, rows: Sequence[int], change: Sequence[float]) -> None:
-        """From the squares of driven intervals on ``rows``, each of two changes of grade."""
+        """From the squared driven intervals on ``rows``, each of two changes of grade."""
         free, count = roads.ROUGHNESS_FREEDOM, roads.ROUGHNESS_PRIOR_COUNT
         for _ in range(5):
-            square = [c * (free + 2) / (free + c / self.at[r]) for r, c in zip(rows, change, strict=True)]
-            place = _at_rows(self.around, _means(self.around, rows, square, self.begin, count))
-            ratio = [s / place[r] for r, s in zip(rows, square, strict=True)]
+            change2 = [c * (free + 2) / (free + c / self.at[r]) for r, c in zip(rows, change, strict=True)]
+            place = _at_rows(self.around, _means(self.around, rows, change2, self.begin, count))
+            ratio = [s / place[r] for r, s in zip(rows, change2, strict=True)]
             as_others = {c: 1.0 for shares in self.of_class for c in shares}
             more = _at_rows(self.of_class, _means(self.of_class, rows, ratio, as_others, count))
             self.at = [p * m for p, m in zip(place, more, strict=True)]

@@ -12,7 +12,7 @@ from app.map.derived import following
 from app.network.cells import TILE_MARGIN
 
 WEST_DEG, SOUTH_DEG, STEP_DEG = 8.49, 48.995, 0.004
-"""Nodes lie on a grid of so many degrees; five steps are a square of zoom 14."""
+"""Nodes lie on a grid of so many degrees; five steps are a cell of zoom 14."""
 
 _ADD = text(
     """
@@ -120,7 +120,7 @@ def tiles_of(sessions: Sessions) -> dict[Tile, str]:
 
 
 def versions_of_tiles(sessions: Sessions, tiles: set[Tile]) -> dict[Tile, int]:
-    """The sum that tells whether low zooms draw a tile anew: over the squares below it and just beside it."""
+    """The sum that tells whether low zooms draw a tile anew: over the cells below it and just beside it."""
     with sessions() as session:
         cells = {(row.id >> 14, row.id & 16383): row.drawn_version for row in session.execute(_VERSIONS)}
     found = {}

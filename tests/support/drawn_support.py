@@ -1,7 +1,7 @@
 # mypy: disable-error-code="arg-type"
 """What low zooms draw, in the simplest form: each segment is a piece of its own on every level.
 
-Says which squares changed as the worker that derives it does: in the transaction that writes it.
+Says which cells changed as the worker that derives it does: in the transaction that writes it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from app.network.cells import cells_over
 _DRAWN = text("SELECT segment_id, highway, oneway, slope_percent, drives FROM drawn_pieces WHERE level = 12")
 _DRAW = text(
     """
-    INSERT INTO drawn_pieces (level, square, segment_id, rank, highway, oneway, slope_percent, slope_sigma_percent,
+    INSERT INTO drawn_pieces (level, cell, segment_id, rank, highway, oneway, slope_percent, slope_sigma_percent,
         drives, length_m, geom_3857)
     SELECT level, (s.cell >> 14 >> 12 - level) << level + 2 | (s.cell & 16383) >> 12 - level, s.id,
         CASE WHEN s.highway LIKE 'motorway%' THEN 0 WHEN s.highway LIKE 'primary%' THEN 2 ELSE 5 END, s.highway,

@@ -111,5 +111,5 @@ def coverage(solution: Solution, truth_m: Floats) -> float:
     error = errors_m(solution, truth_m)[:, :2]
     spread = horizontal_m2(solution, truth_m)
     solved = np.isfinite(error).all(axis=1)
-    square = np.einsum("ni,nij,nj->n", error[solved], np.linalg.inv(spread[solved]), error[solved])
-    return float(np.mean(square <= 5.991))
+    distance2 = np.einsum("ni,nij,nj->n", error[solved], np.linalg.inv(spread[solved]), error[solved])
+    return float(np.mean(distance2 <= 5.991))

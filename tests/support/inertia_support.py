@@ -1,4 +1,4 @@
-"""A vehicle on winding, hilly roads, seen by GNSS and by inertial sensors that are late or sit askew."""
+"""A vehicle on winding, hilly roads, seen by GNSS and by inertial sensors that are late or are misaligned."""
 
 from __future__ import annotations
 

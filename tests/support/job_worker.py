@@ -35,7 +35,7 @@ def tasks_of(sessions: Sessions) -> list[Task]:
         with sessions.begin() as session:
             session.execute(_WAIT)
 
-    def look_in_vain(work: Work) -> None:
+    def look_without_end(work: Work) -> None:
         while not work.should_stop():
             time.sleep(0.02)
         raise Interrupted
@@ -57,7 +57,7 @@ def tasks_of(sessions: Sessions) -> list[Task]:
     return [
         task("quick", lambda _: None),
         task("long", lambda _: time.sleep(6.0)),  # and ends then
-        task("loop", look_in_vain),
+        task("loop", look_without_end),
         task("deaf", lambda _: threading.Event().wait()),  # as machine code that nothing reaches
         task("lock", lambda _: wait_for_lock(), computes=False),
     ]

@@ -74,7 +74,7 @@ def segment_ids(sessions: Sessions, chain: Callable[..., RoadTable]) -> Ints:
 
 @pytest.fixture
 def streets_apart(sessions: Sessions, chain: Callable[..., RoadTable]) -> tuple[RoadTable, Ints]:
-    """Two streets of eight segments each, 73 km apart, each in one square; imported, with their ids."""
+    """Two streets of eight segments each, 73 km apart, each in one cell; imported, with their ids."""
     k = np.arange(16)
     lon = np.where(k < 8, 8.505, 9.505) + 0.001 * (k % 8)
     table = chain(

@@ -58,7 +58,7 @@ def is_zip(head: bytes) -> bool:
 def content_of_files(contents: Iterable[str]) -> str:
     """Identity of files with these contents (hex digests): of one its own, of several the same in any order.
 
-    A content that comes twice counts once.
+    A repeated content counts once.
     """
     files = sorted(set(contents))
     if len(files) == 1:

@@ -42,16 +42,16 @@ _PIECES = f"""
     WHERE level = %(level)s AND cell = ANY(%(tiles)s::bigint[]) ORDER BY segment_id
 """  # noqa: S608 - constants
 _DELETE = """
-    DELETE FROM drawn_pieces AS p USING unnest(%(square)s::bigint[], %(id)s::bigint[]) AS gone (square, id)
-    WHERE p.level = %(level)s AND p.cell = gone.square AND p.segment_id = gone.id
+    DELETE FROM drawn_pieces AS p USING unnest(%(cell)s::bigint[], %(id)s::bigint[]) AS gone (cell, id)
+    WHERE p.level = %(level)s AND p.cell = gone.cell AND p.segment_id = gone.id
 """
 _INSERT = f"""
     INSERT INTO drawn_pieces (level, cell, {_COLUMNS})
-    SELECT %(level)s, square, segment_id, rank, highway, oneway, slope, sigma, drives, length, ST_GeomFromEWKB(geom)
-    FROM unnest(%(square)b::bigint[], %(segment_id)b::bigint[], %(rank)b::bigint[], %(highway)b::text[],
+    SELECT %(level)s, cell, segment_id, rank, highway, oneway, slope, sigma, drives, length, ST_GeomFromEWKB(geom)
+    FROM unnest(%(cell)b::bigint[], %(segment_id)b::bigint[], %(rank)b::bigint[], %(highway)b::text[],
                 %(oneway)b::bigint[], %(slope_percent)b::float8[], %(slope_sigma_percent)b::float8[],
                 %(drives)b::bigint[], %(length_m)b::float8[], %(geom_3857)b::bytea[])
-        AS row (square, segment_id, rank, highway, oneway, slope, sigma, drives, length, geom)
+        AS row (cell, segment_id, rank, highway, oneway, slope, sigma, drives, length, geom)
 """  # noqa: S608 - constants
 
 # Any cell that nobody is at: solvers and imports hold some for milliseconds.
@@ -147,12 +147,12 @@ def replace_pieces(session: Session, level: int, before: Drawn, after: Drawn) ->
     new = [(tile, p) for tile in after for k, p in after[tile].items() if before[tile].get(k) != p]
     if gone:
         tile, ids = (np.array(column, np.int64) for column in zip(*gone, strict=True))
-        send_binary(session, _DELETE, {"level": level, "square": tile, "id": ids})
+        send_binary(session, _DELETE, {"level": level, "cell": tile, "id": ids})
     if new:
         columns = dict(zip(Piece._fields, map(list, zip(*(p for _, p in new), strict=True)), strict=True))
         for name in ("slope_percent", "slope_sigma_percent"):
             columns[name] = np.ma.masked_invalid(np.array(columns[name], float))  # type: ignore[assignment]
-        send_binary(session, _INSERT, {"level": level, "square": [tile for tile, _ in new], **columns})
+        send_binary(session, _INSERT, {"level": level, "cell": [tile for tile, _ in new], **columns})
 
 
 def changed_tiles(level: int, before: Drawn, after: Drawn) -> set[int]:

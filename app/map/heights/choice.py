@@ -2,7 +2,7 @@
 
 Where a road crosses another on a bridge both are near. Places that form a line say which is meant: by the direction in
 which they go, and since a line that was on a road is seldom on another that does not meet it a moment later. The best
-sequence is found as map matching does it (Viterbi); costs are squares of deviations.
+sequence is found as map matching does it (Viterbi); costs are squared deviations.
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ def _within(place: Floats, roads: Sequence[RoadHere], radius_m: float) -> list[O
     for road in roads:
         x0, y0 = (road.lon0_deg - lon) * east, (road.lat0_deg - lat) * north
         dx, dy = (road.lon1_deg - road.lon0_deg) * east, (road.lat1_deg - road.lat0_deg) * north
-        square = dx * dx + dy * dy
-        share = 0.0 if square == 0 else min(1.0, max(0.0, -(x0 * dx + y0 * dy) / square))
+        length2 = dx * dx + dy * dy
+        share = 0.0 if length2 == 0 else min(1.0, max(0.0, -(x0 * dx + y0 * dy) / length2))
         off_m = math.hypot(x0 + share * dx, y0 + share * dy)
         if off_m <= radius_m:
             near.append(OnRoad(road, share, off_m))

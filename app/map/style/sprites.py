@@ -25,7 +25,7 @@ _SIGNS: dict[str, Floats] = {
 }
 """Outlines around the origin, y upwards, in pixels of a usual screen."""
 SIDE_PX = 20
-"""Of the square that each sign has for itself: with room for a halo, and no more, since labels keep out of it."""
+"""Of the box that each sign has for itself: with room for a halo, and no more, since labels keep out of it."""
 RADIUS_PX = 8.0
 FILES = tuple(f"{SHEET}{ratio}.{kind}" for ratio in RATIOS for kind in ("json", "png"))
 

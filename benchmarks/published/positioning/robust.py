@@ -151,8 +151,8 @@ def _mixture(residuals: Floats, at: Floats) -> tuple[Floats, Floats]:
         count = part.sum(axis=0) + 1.0
         share = count / count.sum()
         mean = np.where(np.arange(_COMPONENTS) > 0, (part * residuals[:, None]).sum(axis=0) / count, 0.0)
-        square = (part * (residuals[:, None] - mean) ** 2).sum(axis=0)
-        sigma = np.sqrt((square + 4.0) / count)
+        total = (part * (residuals[:, None] - mean) ** 2).sum(axis=0)
+        sigma = np.sqrt((total + 4.0) / count)
         sigma = np.maximum(sigma, 1.0)
     part = belong(at) / sigma**2
     information = part.sum(axis=1)

@@ -136,7 +136,7 @@ def _gls_mount_pitch(
     epochs: Epochs, index: NDArray[np.intp], time_s: Floats, distance: Floats, climb: Floats
 ) -> MountPitch:
     sigma = np.nan_to_num(epochs.v_acc_m[index], nan=UNKNOWN_ALTITUDE_SIGMA_M)
-    # The sensor's integral wanders as well: white suspension noise sums up to a random walk along the road.
+    # The sensor's integral wanders as well: white suspension noise adds up to a random walk along the road.
     walk = (
         _SUSPENSION_GRADE**2
         * 2

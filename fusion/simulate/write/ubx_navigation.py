@@ -157,7 +157,7 @@ def _subframe(part: int, begin_s: Floats, layout: Layout, values: Mapping[str, F
 
 
 def _ionosphere(klobuchar: tuple[float, ...], signals: Signals) -> Sending:
-    """Page 18 of subframe 4, from the GPS satellite that is heard first; more often than real ones send it."""
+    """Page 18 of subframe 4, from the GPS satellite that is received first; more often than real ones send it."""
     begin_s = _frames_s(signals, 0.0)
     names = ["page", *(f"{kind}{k}" for kind in ("alpha", "beta") for k in range(4))]
     values = dict(zip(names, np.array([lnav.IONOSPHERE_PAGE, *klobuchar])[:, None], strict=True))

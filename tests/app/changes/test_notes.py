@@ -186,7 +186,7 @@ def test_rows_that_are_copied_are_noted(notes: Notes, session: Session) -> None:
     assert list(session.execute(found).scalars()) == [7, 8]
 
 
-def test_squares_note_who_raised_what_is_shown_of_them(mapped: Sessions) -> None:
+def test_cells_note_who_raised_what_is_shown_of_them(mapped: Sessions) -> None:
     with mapped() as session:
         session.execute(text("INSERT INTO cells (id) VALUES (5)"))
         mine = text("SELECT changed_xid = versant_xid() FROM cells WHERE id = 5")

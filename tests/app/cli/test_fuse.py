@@ -51,12 +51,12 @@ def test_without_an_output_file_geojson_goes_to_standard_output(bundle: Demonstr
 
 
 def test_one_dem_option_takes_several_rasters(bundle: Demonstration, tmp_path: Path) -> None:
-    twin = tmp_path / "again.tif"
-    twin.write_bytes(bundle.dem.read_bytes())
-    given = run("fuse", bundle.drives[0], "--roads", bundle.osm, "--method", "dem", "--dem", bundle.dem, twin)
+    copy = tmp_path / "again.tif"
+    copy.write_bytes(bundle.dem.read_bytes())
+    given = run("fuse", bundle.drives[0], "--roads", bundle.osm, "--method", "dem", "--dem", bundle.dem, copy)
     assert given.exit_code == 0, given.stderr
     assert len(json.loads(given.stdout)["features"]) > 3
-    none = run("fuse", "--roads", bundle.osm, "--dem", bundle.dem, twin)
+    none = run("fuse", "--roads", bundle.osm, "--dem", bundle.dem, copy)
     assert none.exit_code == 2
     assert "no log is named" in none.stderr
 
@@ -73,11 +73,11 @@ def test_suffix_chooses_the_output(bundle: Demonstration, tmp_path: Path, suffix
 def test_order_of_logs_changes_nothing_and_a_repeated_log_counts_once(
     bundle: Demonstration, tmp_path: Path
 ) -> None:
-    twin = tmp_path / "twin.csv"
-    twin.write_bytes(bundle.drives[0].read_bytes())
+    copy = tmp_path / "copy.csv"
+    copy.write_bytes(bundle.drives[0].read_bytes())
     one, two = tmp_path / "one.geojson", tmp_path / "two.geojson"
     assert run("fuse", *bundle.drives, "--roads", bundle.osm, *FAST, "-o", one).exit_code == 0
-    again = run("fuse", *reversed(bundle.drives), twin, "--roads", bundle.osm, *FAST, "-o", two)
+    again = run("fuse", *reversed(bundle.drives), copy, "--roads", bundle.osm, *FAST, "-o", two)
     assert again.exit_code == 0
     assert "counted once" in again.stderr
     first, second = features(one), features(two)

@@ -35,7 +35,7 @@ def features(path: Path) -> dict[tuple[int, int, int], dict[str, object]]:
     return {(p["osm_way_id"], p["from_node"], p["to_node"]): p for p in read}
 
 
-def test_a_drive_in_two_formats_is_heard_once(bundle: Demonstration, tmp_path: Path) -> None:
+def test_a_drive_in_two_formats_counts_once(bundle: Demonstration, tmp_path: Path) -> None:
     """The same drive with fewer columns and digits: it changes nothing, and whoever gave it is told."""
     log = read_log(bundle.drives[0])
     poor, out, report = tmp_path / "poor.csv", tmp_path / "out.geojson", tmp_path / "report.json"

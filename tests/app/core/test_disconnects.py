@@ -42,15 +42,15 @@ def test_the_statement_of_a_tile_ends_when_its_client_leaves(slow: Any, suffix: 
     wait_until(lambda: counted(slow, 499) == 1)
 
 
-def test_the_statement_of_a_tile_ends_though_the_server_heard_too_early(
+def test_the_statement_of_a_tile_ends_though_the_cancel_came_too_early(
     slow: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is to be cancelled before the server has begun with it runs on, and the driver asks once."""
 
-    async def in_vain(connection: psycopg.AsyncConnection[Any], *, timeout: float) -> None:
-        """The server has heard nothing."""
+    async def without_effect(connection: psycopg.AsyncConnection[Any], *, timeout: float) -> None:
+        """The cancel has not reached the server."""
 
-    monkeypatch.setattr(psycopg.AsyncConnection, "_try_cancel", in_vain)
+    monkeypatch.setattr(psycopg.AsyncConnection, "_try_cancel", without_effect)
     with connected(slow, TILE + ".mvt"):
         wait_until(lambda: sleeping(slow) == 1)
     wait_until(lambda: sleeping(slow) == 0, within_s=10)

@@ -1,4 +1,4 @@
-"""Passes go into parts by tile of zoom 6, verdicts beside them, and back; nothing of what drives said is lost."""
+"""Passes go into parts by tile of zoom 6, rejections beside them, and back; nothing of what drives said is lost."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def execute(engine: Engine, statement: str) -> None:
         connection.execute(text(statement))
 
 
-def test_passes_are_parted_with_their_verdicts_and_come_back(blank_database_url: str) -> None:
+def test_passes_are_parted_with_their_rejections_and_come_back(blank_database_url: str) -> None:
     migrate.upgrade(blank_database_url, "0011")
     engine = create_engine(blank_database_url)
     execute(engine, _DATA_OF_0011)

@@ -103,7 +103,7 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
         {"in_network"},
     ]
     assert added[4] == set(NETWORK_ONLY)
-    assert after[0][0]["cell"] == 8192 << 14 | 8191  # the square of (0, 0) in EPSG:3857 to (1, 1)
+    assert after[0][0]["cell"] == 8192 << 14 | 8191  # the cell of (0, 0) in EPSG:3857 to (1, 1)
     new = [
         row[name]
         for found, names in zip(after, added, strict=True)
@@ -239,7 +239,7 @@ def test_changes_are_announced_no_longer_after_the_way_back(blank_database_url: 
         connection.execute(
             text("INSERT INTO drive_pictures (drive_id, drawn_of, png) SELECT id, '1', 'png' FROM drives")
         )
-    assert (len(rows_of(engine, functions)), len(rows_of(engine, triggers))) == (3, 2)  # two of squares
+    assert (len(rows_of(engine, functions)), len(rows_of(engine, triggers))) == (3, 2)  # two of cells
     before = rows_of(engine, "SELECT * FROM drives")
     migrate.downgrade(blank_database_url, "0008")
     assert (len(rows_of(engine, functions)), rows_of(engine, triggers)) == (2, [])

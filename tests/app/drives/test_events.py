@@ -186,7 +186,7 @@ def test_one_client_leaves_streams_of_both_kinds_to_others(
                         assert stream.status_code == 200
 
 
-def test_what_changes_while_nothing_is_heard_is_told_afterwards(
+def test_what_changes_while_the_stream_is_silent_is_sent_afterwards(
     settings: Settings, server_maker: MakeServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As after a restart of PostgreSQL: all connections are gone, and what was announced meanwhile is lost."""

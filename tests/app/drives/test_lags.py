@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from app.core.db import Sessions
-from app.drives import lags
-from app.drives.lags import with_settled_lag
+from app.drives import process
+from app.drives.process import with_settled_lag
 from fusion.methods.base import DriveResult
 from fusion.network.pass_factor import LAG, NUISANCES, PassFactor
 from fusion.pipeline import LAG_ROUNDS, LAG_STEP_S
@@ -59,7 +59,7 @@ def test_a_lag_that_never_stands_ends_all_the_same(
     sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = [factor for factor, _ in passes_of(chain(), {0: (2.0, 0.5)})]
-    monkeypatch.setattr(lags, "lag_among_all", lambda *_: 100.0)
+    monkeypatch.setattr(process, "lag_among_all", lambda *_: 100.0)
     asked: list[float] = []
     result = result_of(said, lambda lag_s: asked.append(lag_s) or tuple(said))  # type: ignore[func-returns-value]
     with_settled_lag(sessions, uuid.uuid4(), segment_ids, result)

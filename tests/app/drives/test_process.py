@@ -183,7 +183,7 @@ def test_a_drive_may_run_again(context: JobContext, send: Send) -> None:
     assert state(context) == before
 
 
-def test_the_same_drive_twice_at_once_is_stored_once(context: JobContext, send: Send) -> None:
+def test_one_drive_uploaded_twice_at_once_is_stored_once(context: JobContext, send: Send) -> None:
     drive = send(0)
     process_drive(context, drive.id, 1)
     alone = state(context)

@@ -48,7 +48,7 @@ def test_uploads_that_wait_let_the_others_slopes_wait(sessions: Sessions) -> Non
     assert patience(sessions, behind=False) == EVERY_S
 
 
-def test_many_squares_wait_longer(sessions: Sessions) -> None:
+def test_many_cells_wait_longer(sessions: Sessions) -> None:
     wait(sessions, 0)
     with sessions.begin() as session:
         session.execute(
@@ -58,7 +58,7 @@ def test_many_squares_wait_longer(sessions: Sessions) -> None:
     assert patience(sessions, behind=False) == 200 * publishing.SOLVING_S
 
 
-def test_a_drive_is_done_once_all_its_squares_are_solved(
+def test_a_drive_is_done_once_all_its_cells_are_solved(
     sessions: Sessions, chain: Callable[..., RoadTable], segment_ids: Ints
 ) -> None:
     table, blobs = chain(), BlobStore("memory://blobs")
@@ -71,7 +71,7 @@ def test_a_drive_is_done_once_all_its_squares_are_solved(
         cells = [one.cell for one in marks.waiting_cells(session)]
     assert len(cells) == 2
     assert publishing.finish(sessions, blobs) == 0
-    with sessions.begin() as session:  # one of the squares has been solved by somebody else
+    with sessions.begin() as session:  # one of the cells has been solved by somebody else
         session.execute(text("DELETE FROM network_marks WHERE cell = :cell"), {"cell": cells[0]})
     assert publishing.finish(sessions, blobs) == 0
     assert solve_marked(sessions) == 1
@@ -98,7 +98,7 @@ def test_nobody_is_asked_twice_and_somebody_where_nobody_was(
         assert solvers() == 1
 
 
-def test_squares_wait_no_longer_than_drives_do(
+def test_cells_wait_no_longer_than_drives_do(
     sessions: Sessions, chain: Callable[..., RoadTable], segment_ids: Ints
 ) -> None:
     append(sessions, new_drive(sessions), segment_ids, passes_of(chain(), {0: (2.0, 0.5)}))
@@ -118,7 +118,7 @@ def test_squares_wait_no_longer_than_drives_do(
         wait(sessions, queue.BEHIND)
 
 
-# --- squares that no solver can solve ---------------------------------------------------------------------------
+# --- cells that no solver can solve ---------------------------------------------------------------------------
 
 Driven = tuple[RoadTable, Ints]
 STORE = "memory://blobs"
@@ -138,7 +138,7 @@ class Failing:
         return self.genuine(session, touched)
 
     def times(self, count: int) -> None:
-        """So many solvers try in vain, as if each had waited for as long as it has to; others solve the rest first."""
+        """So many solvers fail, as if each had waited for as long as it has to; others solve the rest first."""
         while count:
             with self.sessions.begin() as session:
                 session.execute(text("UPDATE network_marks SET due_at = now() WHERE tries > 0"))
@@ -172,7 +172,7 @@ def shown(sessions: Sessions, drive: uuid.UUID) -> Drive:
     return found
 
 
-def test_a_square_that_no_solver_can_solve_keeps_no_drive_for_ever(
+def test_a_cell_that_no_solver_can_solve_keeps_no_drive_for_ever(
     sessions: Sessions, streets_apart: Driven, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It did, and nothing but the log told so."""
@@ -188,15 +188,15 @@ def test_a_square_that_no_solver_can_solve_keeps_no_drive_for_ever(
     publishing.finish(sessions, BlobStore(STORE))
     early = shown(sessions, drive)
     assert (early.status, early.stage) == ("running", "publishing")
-    (square,) = early.unsolved
-    assert square in {cells.cell_name(cell) for cell in waiting}
+    (cell,) = early.unsolved
+    assert cell in {cells.cell_name(cell) for cell in waiting}
     assert early.report is not None
     assert early.report["warnings"][0] == "w"
-    assert square in early.report["warnings"][1]
+    assert cell in early.report["warnings"][1]
     failing.times(marks.GIVEN_UP - marks.PATIENCE - 1)
     assert publishing.finish(sessions, BlobStore(STORE)) == 1
     late = shown(sessions, drive)
-    assert (late.status, late.stage, late.progress, late.unsolved) == ("done", None, 1.0, [square])
+    assert (late.status, late.stage, late.progress, late.unsolved) == ("done", None, 1.0, [cell])
     assert late.report is not None
     assert "are not published yet" in late.report["warnings"][-1]
     assert rows_of(sessions).keys() == set(ids[8:].tolist())
@@ -209,7 +209,7 @@ def test_a_square_that_no_solver_can_solve_keeps_no_drive_for_ever(
     assert len(rows_of(sessions)) == 16
 
 
-def test_operators_are_told_which_square_it_is_and_who_waits(
+def test_operators_are_told_which_cell_it_is_and_who_waits(
     sessions: Sessions, streets_apart: Driven, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ids = streets_apart[1]
@@ -236,7 +236,7 @@ def test_operators_are_told_which_square_it_is_and_who_waits(
     assert str(marks.PATIENCE) in one.advice
 
 
-def test_what_comes_later_waits_as_its_square_does(
+def test_what_comes_later_waits_as_its_cell_does(
     sessions: Sessions, streets_apart: Driven, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else each new drive would have its own six solvers killed."""
@@ -276,7 +276,7 @@ def test_a_removed_drive_stays_until_nothing_of_it_is_shown(
     assert publishing.finish(sessions, BlobStore(STORE)) == 1
 
 
-def test_one_hopeless_square_keeps_no_other_from_being_settled(
+def test_one_hopeless_cell_keeps_no_other_from_being_settled(
     sessions: Sessions, streets_apart: Driven, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(publishing, "SETTLE_AFTER_S", 0.0)

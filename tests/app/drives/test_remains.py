@@ -23,7 +23,7 @@ from web_fixtures import Web, add_drive
 
 NAME = "max.mustermann.csv"
 CHANGED = {"cells", "segment_changes", "change_epoch", "derived_upto"}
-"""Of roads and squares, by number, that what is shown of them changed, and when: who follows the map has to hear that a
+"""Of roads and cells, by number, that what is shown of them changed, and when: who follows the map has to hear that a
 slope is gone. README and the page on operation say so."""
 COUNTS = {"process_totals", "driven_by_day", "kept_figures"}
 """How many, how long and how long it took, of all drives together."""
@@ -33,7 +33,7 @@ HARMLESS = {"procrastinate_events", "procrastinate_periodic_defers", "procrastin
 
 FIGURE = re.compile(r"(?<![\w.])-?\d{1,3}\.\d{2,}")
 GEOMETRY = re.compile(r"\b0[01][0-9A-F]{40,}")
-SQUARE = re.compile(r"\d+/\d+/\d+")
+CELL_NAME = re.compile(r"\d+/\d+/\d+")
 NEAR_DEG = 0.15
 """10 km and more of longitude there."""
 
@@ -121,7 +121,7 @@ def test_nothing_of_the_only_drive_stays(web: Web, files: Path) -> None:
     for figure in map(float, FIGURE.findall(places + lines.text)):
         assert not west - NEAR_DEG <= figure <= east + NEAR_DEG, figure
         assert not south - NEAR_DEG <= figure <= north + NEAR_DEG, figure
-    assert not GEOMETRY.search(told) and not SQUARE.search(told) and "\\x" not in told
+    assert not GEOMETRY.search(told) and not CELL_NAME.search(told) and "\\x" not in told
     assert all(drive not in row for table, rows in stays.items() if table not in ASKED for row in rows)
 
     assert web.client.get(f"/v1/exports/{export}/file").status_code == 404

@@ -92,15 +92,15 @@ def test_every_part_is_404_from_the_answer_on_whatever_runs(town_web: Web, drive
     assert waiting["jobs"] == 1
 
 
-def test_a_drive_says_no_more_that_a_removed_one_is_heard_in_its_place(filled: Web) -> None:
-    heard, not_heard = (add_drive(filled.sessions, [0, 1]) for _ in range(2))
+def test_a_drive_no_longer_names_a_removed_one_as_its_original(filled: Web) -> None:
+    original, duplicate = (add_drive(filled.sessions, [0, 1]) for _ in range(2))
     with filled.sessions.begin() as session:
-        same = "UPDATE drives SET duplicate_of = :heard WHERE id = :id"
-        session.execute(text(same), {"heard": heard, "id": not_heard})
-    document = filled.client.get(f"/v1/drives/{not_heard}").json()
-    assert document["duplicate_of"] == document["same_as"] == str(heard)
-    filled.client.delete(f"/v1/drives/{heard}")
-    assert str(heard) not in filled.client.get(f"/v1/drives/{not_heard}").text
+        same = "UPDATE drives SET duplicate_of = :original WHERE id = :id"
+        session.execute(text(same), {"original": original, "id": duplicate})
+    document = filled.client.get(f"/v1/drives/{duplicate}").json()
+    assert document["duplicate_of"] == document["same_as"] == str(original)
+    filled.client.delete(f"/v1/drives/{original}")
+    assert str(original) not in filled.client.get(f"/v1/drives/{duplicate}").text
 
 
 def test_many_are_removed_with_the_answer(filled: Web) -> None:
@@ -136,7 +136,7 @@ def test_a_trial_that_runs_ends_and_leaves_the_lane_to_the_removal(
     assert town_web.blobs.keys() == []
 
 
-def test_a_removed_drive_takes_its_log_along_before_its_squares_are_solved(town_web: Web, drive: str) -> None:
+def test_a_removed_drive_takes_its_log_along_before_its_cells_are_solved(town_web: Web, drive: str) -> None:
     town_web.client.delete(f"/v1/drives/{drive}")
     with town_web.sessions() as session:
         generation = session.execute(text("SELECT generation FROM drives")).scalar_one()

@@ -67,8 +67,8 @@ def test_the_lines_of_a_whole_drive_hold_ids_and_no_place(roads: Any, files: Pat
     assert started["job"] == computed["job"] and started["waited_s"] >= 0
     assert {f"{stage}_s" for stage in STAGES} <= computed.keys()
     assert done["km"] > 0.5 and done["segments"] == computed["segments"] > 5 and done["warnings"] >= 0
-    solved = [line for line in lines.all("squares solved") if line["kind"] == "marked"]
-    assert sum(line["squares"] for line in solved) >= 1
+    solved = [line for line in lines.all("cells solved") if line["kind"] == "marked"]
+    assert sum(line["cells"] for line in solved) >= 1
     assert COORDINATE.search(lines.text) is None
     assert "mustermann" not in lines.text
     some = re.search(rb"\n[^,]+,(\d+\.\d+),(\d+\.\d+)", log)
@@ -115,7 +115,7 @@ def test_what_workers_count_is_exposed_by_the_api_and_never_falls(roads: Any, fi
         assert value("versant_drive_stage_seconds_bucket", stage=stage, method="raw", le="+Inf") == runs
     assert value("versant_drive_queued_seconds_count") == 2
     assert value("versant_solve_seconds_count", kind="marked") >= 1
-    assert value("versant_squares_solved_total", kind="marked") >= 1
+    assert value("versant_cells_solved_total", kind="marked") >= 1
     assert value("versant_lock_wait_seconds_count", lock="share_network") >= 1
     assert value("versant_lock_wait_seconds_count", lock="own_hours") >= 1
     before = seen
@@ -180,7 +180,7 @@ def test_a_trace_goes_on_from_the_request_to_the_worker(
         assert of_stage.parent is not None and of_stage.parent.span_id == run.context.span_id
         assert (of_stage.attributes or {})["versant.drive"] == drive
     assert (run.attributes or {})["versant.outcome"] == "done"
-    assert (spans["solve"].attributes or {})["versant.squares"] >= 1
+    assert (spans["solve"].attributes or {})["versant.cells"] >= 1
     said = " ".join(str(dict(span.attributes or {})) for span in traced())
     assert COORDINATE.search(said) is None and "x.csv" not in said
 

@@ -152,9 +152,7 @@ def _as_pattern(text: str) -> str:
     return text if "\\" in text else re.escape(text)
 
 
-def test_a_drive_that_contradicts_and_one_that_comes_twice(
-    context: JobContext, files: Path, tmp_path: Path
-) -> None:
+def test_a_drive_that_contradicts_and_a_duplicate(context: JobContext, files: Path, tmp_path: Path) -> None:
     """Both are told as they are now: what a drive was told when it came changes with the others."""
     good, other = ((files / f"{k}.csv").read_bytes() for k in (0, 2))
     logs = {
@@ -175,7 +173,7 @@ def test_a_drive_that_contradicts_and_one_that_comes_twice(
         assert report["rejected_segments"] == told[name]["rejected_segments"]
     (said,) = (warning for warning in told["wrong.csv"]["warnings"] if "contradicts" in warning)
     share = told["wrong.csv"]["rejected_segments"] / told["wrong.csv"]["segments_in_network"]
-    assert f"({share:.0%}) and is not heard there" in said
+    assert f"({share:.0%}) and is rejected there" in said
     assert "This is the same drive as good.csv" in told["again.csv"]["warnings"][-1]
     assert (
         alone["slopes"]

@@ -200,8 +200,8 @@ def test_an_archive_holds_the_tiles_that_the_service_shows(
         for (z, x, y), data in tiles.items():
             assert data == mvt(session, z, x, y, full_zoom=settings.tile_full_zoom)
             assert data
-        squares = rows_of(sessions, "SELECT id >> 14, id & 16383 FROM cells WHERE version > 0")
-        assert {(14, *place) for place in squares if mvt(session, 14, *place)} <= set(tiles)
+        cells = rows_of(sessions, "SELECT id >> 14, id & 16383 FROM cells WHERE version > 0")
+        assert {(14, *place) for place in cells if mvt(session, 14, *place)} <= set(tiles)
     assert metadata["vector_layers"][0]["id"] == "segments"
     assert json.loads(metadata["provenance"]) == made.provenance
 

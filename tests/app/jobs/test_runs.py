@@ -20,7 +20,7 @@ from fusion.errors import FusionError
 ARGUMENTS = {"drive_id": "x", "generation": 3}
 
 
-class Desk:
+class Queue:
     """Tasks that do as they are told, and what was done about them."""
 
     def __init__(self, url: str, sessions: Sessions) -> None:
@@ -76,30 +76,30 @@ class Desk:
 
 
 @pytest.fixture
-def desk(database_url: str, sessions: Sessions) -> Iterator[Desk]:
-    desk = Desk(database_url, sessions)
-    yield desk
-    desk.runs.liveness.close()
+def queue(database_url: str, sessions: Sessions) -> Iterator[Queue]:
+    queue = Queue(database_url, sessions)
+    yield queue
+    queue.runs.liveness.close()
 
 
-def test_every_task_of_the_list_is_run_the_urgent_first(desk: Desk) -> None:
-    desk.add(*desk.kinds)
-    assert desk.work() == [("urgent", ARGUMENTS), ("plain", ARGUMENTS)]
-    assert desk.jobs() == []
+def test_every_task_of_the_list_is_run_the_urgent_first(queue: Queue) -> None:
+    queue.add(*queue.kinds)
+    assert queue.work() == [("urgent", ARGUMENTS), ("plain", ARGUMENTS)]
+    assert queue.jobs() == []
 
 
-def test_a_job_whose_worker_stops_is_run_again_at_once(desk: Desk) -> None:
-    job = desk.add(desk.kinds[0])
+def test_a_job_whose_worker_stops_is_run_again_at_once(queue: Queue) -> None:
+    job = queue.add(queue.kinds[0])
 
     def stop(work: Work) -> None:
-        if not desk.runs.stopping.is_set():
-            desk.runs.stopping.set()
+        if not queue.runs.stopping.is_set():
+            queue.runs.stopping.set()
             assert work.should_stop()
             raise Interrupted
 
-    assert len(desk.work(stop)) == 2
-    assert desk.jobs() == []
-    assert job not in desk.runs.begun
+    assert len(queue.work(stop)) == 2
+    assert queue.jobs() == []
+    assert job not in queue.runs.begun
 
 
 def lose(_: Work) -> None:
@@ -108,45 +108,45 @@ def lose(_: Work) -> None:
 
 @pytest.mark.parametrize(("attempts", "pause_s"), [(0, 1), (5, 32), (200, LONGEST_PAUSE_S)])
 def test_a_job_that_loses_the_database_is_run_later_however_often(
-    desk: Desk, attempts: int, pause_s: int
+    queue: Queue, attempts: int, pause_s: int
 ) -> None:
-    desk.add(desk.kinds[0])
-    with desk.sessions.begin() as session:
+    queue.add(queue.kinds[0])
+    with queue.sessions.begin() as session:
         session.execute(text("UPDATE procrastinate_jobs SET attempts = :n"), {"n": attempts})
-    assert desk.work(lose) == [("plain", ARGUMENTS)]
-    ((status, waits_s),) = desk.jobs()
+    assert queue.work(lose) == [("plain", ARGUMENTS)]
+    ((status, waits_s),) = queue.jobs()
     assert status == "todo"
     assert 0 <= pause_s - waits_s <= 5
 
 
-def test_a_statement_that_a_stop_cancelled_puts_the_job_back(desk: Desk) -> None:
-    desk.add(desk.kinds[0])
+def test_a_statement_that_a_stop_cancelled_puts_the_job_back(queue: Queue) -> None:
+    queue.add(queue.kinds[0])
 
     def cancelled(work: Work) -> None:
-        if not desk.runs.stopping.is_set():
-            desk.runs.stopping.set()
+        if not queue.runs.stopping.is_set():
+            queue.runs.stopping.set()
             lose(work)
 
-    assert [said[0] for said in desk.work(cancelled)] == ["plain", "put back", "plain"]
+    assert [said[0] for said in queue.work(cancelled)] == ["plain", "put back", "plain"]
 
 
 @pytest.mark.parametrize("how", ["stops", "loses"])
 def test_a_job_of_which_one_is_enough_is_asked_for_anew(
-    desk: Desk, how: str, monkeypatch: pytest.MonkeyPatch
+    queue: Queue, how: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Another waits by then: going back would break the queue's rule, and the job would be nobody's for ever."""
     monkeypatch.setattr(runs, "ONCE_AGAIN_S", 0.0)
-    desk.add(desk.kinds[0], once=True)
+    queue.add(queue.kinds[0], once=True)
 
     def cut_off(_: Work) -> None:
-        if len(desk.said) == 1:
-            desk.add(desk.kinds[1], once=True)
+        if len(queue.said) == 1:
+            queue.add(queue.kinds[1], once=True)
             if how == "loses":
                 lose(_)
             raise Interrupted
 
-    assert [said[0] for said in desk.work(cut_off)] == ["plain", "put back", "urgent"]
-    assert desk.jobs() == []
+    assert [said[0] for said in queue.work(cut_off)] == ["plain", "put back", "urgent"]
+    assert queue.jobs() == []
 
 
 class OwnError(FusionError):
@@ -164,26 +164,26 @@ class OwnError(FusionError):
     ],
 )
 def test_no_task_fails_silently(
-    desk: Desk, error: Exception, kind: str, words: str, caplog: pytest.LogCaptureFixture
+    queue: Queue, error: Exception, kind: str, words: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    desk.add(desk.kinds[0])
+    queue.add(queue.kinds[0])
 
     def fail(_: Work) -> None:
         raise error
 
-    _, (word, found, reason, arguments) = desk.work(fail)
+    _, (word, found, reason, arguments) = queue.work(fail)
     assert (word, found, arguments) == ("given up", kind, ARGUMENTS)
     assert words in reason
-    assert desk.jobs() == [("failed", 0)]
+    assert queue.jobs() == [("failed", 0)]
     assert "(plain) failed" in caplog.text
 
 
 @pytest.mark.parametrize("deaths", [MAX_DEATHS - 1, MAX_DEATHS])
-def test_a_job_that_its_workers_die_of_is_given_up(desk: Desk, deaths: int) -> None:
-    job = desk.add(desk.kinds[0])
-    with desk.sessions.begin() as session:
+def test_a_job_that_its_workers_die_of_is_given_up(queue: Queue, deaths: int) -> None:
+    job = queue.add(queue.kinds[0])
+    with queue.sessions.begin() as session:
         session.execute(text("INSERT INTO computations VALUES (:job, :n)"), {"job": job, "n": deaths})
-    (said,) = desk.work()
+    (said,) = queue.work()
     if deaths < MAX_DEATHS:
         assert said == ("plain", ARGUMENTS)
     else:
@@ -192,18 +192,18 @@ def test_a_job_that_its_workers_die_of_is_given_up(desk: Desk, deaths: int) -> N
             "Split it."
         )
         assert said == ("given up", "interrupted", why, ARGUMENTS)
-    with desk.sessions() as session:
+    with queue.sessions() as session:
         assert session.execute(text("SELECT count(*) FROM computations")).scalar_one() == 0
-    assert desk.jobs() == []
+    assert queue.jobs() == []
 
 
-def test_a_run_beyond_its_limit_is_told_so(desk: Desk) -> None:
-    desk.add(desk.kinds[0])
-    desk.runs.limit_s = 0.0
+def test_a_run_beyond_its_limit_is_told_so(queue: Queue) -> None:
+    queue.add(queue.kinds[0])
+    queue.runs.limit_s = 0.0
 
     def look(work: Work) -> None:
         work.should_stop()
 
-    _, (word, kind, reason, _) = desk.work(look)
+    _, (word, kind, reason, _) = queue.work(look)
     assert (word, kind) == ("given up", "too-long")
     assert "took longer than" in reason

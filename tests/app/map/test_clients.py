@@ -34,11 +34,11 @@ def test_a_client_reads_every_segment_as_it_is(
     client: Any, reading: Any, truth: Truth, elsewhere: ProcessPoolExecutor, tmp_path: Path
 ) -> None:
     got = elsewhere.submit(features.complete, client, reading.base, tmp_path).result(60)
-    verdict = truth.judged("client", got)
+    result = truth.judged("client", got)
     assert len(truth) > 2 * reading.settings.items_limit_max, "several pages"
-    assert verdict.features == len(truth)
-    assert verdict.equal, truth.difference(got)
-    assert verdict.wrong_kinds == {}
+    assert result.features == len(truth)
+    assert result.equal, truth.difference(got)
+    assert result.wrong_kinds == {}
     # What is wrong would be seen.
     rows = [dict(row) for row in got.rows]
     rows[3]["length_m"] += 0.002

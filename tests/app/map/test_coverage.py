@@ -36,7 +36,7 @@ def test_no_side_leaves_out_more_than_it_may(found: dict[int, int]) -> None:
     west, south, east, north = crowded_box(found, EVERYWHERE)
     total = sum(found.values())
     for side, sign, edge in ((0, 1, west), (1, 1, south), (2, -1, east), (3, -1, north)):
-        beyond = sum(n for square, n in found.items() if sign * (cell_bounds(square)[side] - edge) < -1e-9)
+        beyond = sum(n for cell, n in found.items() if sign * (cell_bounds(cell)[side] - edge) < -1e-9)
         assert beyond <= (1 - MOST_ROADS) / 2 * total + 1e-6
 
 
@@ -63,5 +63,5 @@ def test_what_is_opened_is_never_too_wide_and_never_empty(found: dict[int, int],
     assert (east - west) / 360 * (1 << ZOOM) <= widest + 1e-6
     assert any(
         west <= left < east and south <= bottom < north
-        for left, bottom, _, _ in (cell_bounds(square) for square in found)
+        for left, bottom, _, _ in (cell_bounds(cell) for cell in found)
     )

@@ -104,7 +104,7 @@ def test_a_gap_is_no_driven_road(filled: Any, street: list[int]) -> None:
     assert shown[street[2]] is None
 
 
-def test_observations_say_who_is_heard(filled: Any, street: list[int]) -> None:
+def test_observations_say_which_drives_are_accepted(filled: Any, street: list[int]) -> None:
     found = filled.client.get(f"/v1/segments/{street[0]}/observations").json()["observations"]
     assert len(found) == 3
     assert all(one["in_network"] for one in found)

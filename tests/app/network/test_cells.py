@@ -25,11 +25,11 @@ def cell_at(x: float, y: float) -> int:
     return column << ZOOM | row
 
 
-SQUARES = st.floats(-4, 4).map(lambda n: n * SIDE_M)
+CELLS = st.floats(-4, 4).map(lambda n: n * SIDE_M)
 
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(x0=SQUARES, y0=SQUARES, x1=SQUARES, y1=SQUARES)
+@given(x0=CELLS, y0=CELLS, x1=CELLS, y1=CELLS)
 @example(x0=5e-310, y0=0.0, x1=0.0, y1=0.0)  # no width to divide by
 @example(x0=-1e-9, y0=-3 * SIDE_M, x1=1e-9, y1=3 * SIDE_M)
 def test_a_line_is_in_every_cell_that_it_meets_and_no_other(

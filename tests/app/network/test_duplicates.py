@@ -193,7 +193,7 @@ COPIES = 12
 
 
 @pytest.mark.parametrize("better", [False, True])
-def test_the_cost_of_a_copy_does_not_grow_with_the_square_of_their_number(
+def test_the_cost_of_a_copy_does_not_grow_quadratically(
     sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch, better: bool
 ) -> None:
     for k in range(COPIES):

@@ -231,7 +231,7 @@ def test_a_version_rises_where_something_changed_and_only_there(
 def test_what_others_hold_is_left_for_later_and_no_error_to_the_server(
     sessions: Sessions, cluster: EmbeddedPostgres, streets: Driven, town: Town, held: str
 ) -> None:
-    """Squares that another solver writes, a network that an import owns: found again, without a wait cut off."""
+    """Cells that another solver writes, a network that an import owns: found again, without a wait cut off."""
     one, two = walks(town, 2)
     drive_over(sessions, *streets, one)
     append(sessions, new_drive(sessions), streets[1], passes_of(streets[0], two))

@@ -92,7 +92,7 @@ def test_a_run_that_is_cut_off_anywhere_goes_on_and_ends_right(
 
 
 def test_a_worker_that_vanished_is_followed_by_another_one(web: Web, roads: bytes, work: Work) -> None:
-    """Its row says that it runs; what it would still say is not heard."""
+    """Its row says that it runs; what it would still write is ignored."""
     number = ask(web, roads, kind="import-roads", filename="town.osm")
     with web.sessions.begin() as session:
         lost = operations.claim(session, number)

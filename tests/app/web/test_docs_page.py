@@ -170,7 +170,7 @@ def test_pages_of_the_ogc_api_are_without_faults(
         answer = tab.page.goto(f"{filled.base}{path}")
         assert answer is not None
         assert "unsafe" not in answer.headers["content-security-policy"]
-        # Its style is heard: without it the ground would be white.
+        # Its style is applied: without it the ground would be white.
         assert tab.page.evaluate("getComputedStyle(document.body).backgroundColor") != "rgba(0, 0, 0, 0)"
         assert tab.faults() == []
 

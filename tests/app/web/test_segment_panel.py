@@ -55,8 +55,8 @@ def test_a_segment_is_told_whole(filled: Web, street: list[int], tab: Tab) -> No
     rows = panel.get_by_role("region", name="The drives behind it").get_by_role("row")
     rows.nth(3).wait_for()
     assert rows.count() == 4
-    assert panel.get_by_role("cell", name="not heard", exact=True).count() == 1
-    assert panel.get_by_role("cell", name="heard", exact=True).count() == 2
+    assert panel.get_by_role("cell", name="rejected", exact=True).count() == 1
+    assert panel.get_by_role("cell", name="accepted", exact=True).count() == 2
     shares = panel.get_by_role("cell", name=re.compile(r"^\d+ %$")).all_inner_texts()
     assert sorted(shares) == ["0 %", "50 %", "50 %"]
     (behind, *_) = panel.get_by_role("rowheader").get_by_role("link").all()
@@ -69,7 +69,7 @@ def test_a_segment_is_told_whole(filled: Web, street: list[int], tab: Tab) -> No
     )  # these drives know next to nothing of heights
     panel.get_by_text("their band is not drawn", exact=False).wait_for()
     history = panel.get_by_role("figure", name="How the slope came together")
-    assert history.get_by_role("button", name="drive, not heard").is_visible()
+    assert history.get_by_role("button", name="drive, rejected").is_visible()
     assert tab.faults() == []
     tab.page.emulate_media(color_scheme="dark")
     tab.page.locator("html[data-theme=dark]").wait_for()

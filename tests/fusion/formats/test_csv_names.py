@@ -160,6 +160,6 @@ def test_of_several_files_that_one_is_meant_that_has_the_name(samples: dict[str,
     assert log.pressure.pressure_pa.tolist() == [100000]
 
 
-def test_columns_said_of_another_format_are_said_in_vain(samples: dict[str, bytes]) -> None:
+def test_columns_said_of_another_format_are_not_used(samples: dict[str, bytes]) -> None:
     log = read_log(samples["gpx"], columns={"alt_msl_m": "ele"})
     assert any("are not used" in warning for warning in log.warnings)

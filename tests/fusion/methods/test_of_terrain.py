@@ -1,4 +1,4 @@
-"""Methods that lean on the elevation model are named as such: together they are one witness of it."""
+"""Methods that lean on the elevation model are named as such: together they are one source."""
 
 from __future__ import annotations
 

@@ -179,12 +179,12 @@ def test_a_drive_that_contradicts_the_others_is_rejected_and_shown() -> None:
     assert found.observations.tolist() == without.observations.tolist()
     assert [found.accepted[9, row] for row in range(4)] == [False] * 4
     assert all(found.accepted[d, row] for d in fair for row in range(4))
-    # It has a weight of nearly nothing, not of nothing: a verdict may turn when more drives come.
+    # It has a weight of nearly nothing, not of nothing: a rejection may turn when more drives come.
     apart = np.abs(found.slope_percent - without.slope_percent) / without.slope_sigma_percent
     assert apart.max() < 0.5
 
 
-def test_the_verdict_turns_when_others_agree_with_the_rejected_one() -> None:
+def test_a_rejection_turns_when_others_agree_with_the_rejected_one() -> None:
     table = street(60.0, 50.0)
     rng = np.random.default_rng(8)
     skewed = [
@@ -230,7 +230,7 @@ def test_parts_of_a_segment_are_counted_once_where_they_overlap() -> None:
     assert adjust(table, drives).driven_share[0] == pytest.approx(0.7, abs=1e-6)
 
 
-def test_laps_of_one_drive_are_one_witness_of_what_it_carries() -> None:
+def test_laps_of_one_drive_count_as_one_for_what_it_carries() -> None:
     """Ten laps with one tilted sensor know the slope no better than the tilt; ten drives do."""
     table = street(60.0, 70.0)
     tilted = Sensors(np.nan, 0.004, mount=0.02)

@@ -112,7 +112,7 @@ def test_of_a_gap_that_gives_way_the_nodes_heights_stay() -> None:
         assert getattr(measured, name) == (KNOWN[name] if name in HEIGHTS else None)
 
 
-def test_an_elevation_model_is_one_witness_however_many_drive() -> None:
+def test_an_elevation_model_is_one_source_however_many_drive() -> None:
     one = SlopePart(3.0, 4.0, 1, 5, of_terrain=True)
     ten = published_slope([one] * 10)
     assert (ten.slope_percent, ten.slope_sigma_percent) == (3.0, 4.0)
@@ -125,7 +125,7 @@ def test_an_elevation_model_is_one_witness_however_many_drive() -> None:
     assert beside.drives == 3
 
 
-def test_the_network_has_heard_the_elevation_model_already() -> None:
+def test_the_network_holds_the_elevation_model_already() -> None:
     network, terrain = SlopePart(1.0, 0.5, 7, 90, network=True), SlopePart(5.0, 1.0, 1, 5, of_terrain=True)
     whole = published_slope([network, terrain])
     assert (whole.slope_percent, whole.slope_sigma_percent, whole.drives) == (1.0, 0.5, 8)

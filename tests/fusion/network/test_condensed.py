@@ -1,4 +1,4 @@
-"""Sums of passes say what their passes say of the road, the drives' own errors integrated out, and can be undone."""
+"""Condensed passes say what their passes say of the road, the drives' own errors integrated out, and can be undone."""
 
 from __future__ import annotations
 
@@ -158,10 +158,10 @@ def test_a_pass_that_is_not_accepted_adds_nothing() -> None:
 
 
 def with_sums(
-    drives: Sequence[Sequence[PassFactor]], every: Adjustment, jury: int
+    drives: Sequence[Sequence[PassFactor]], every: Adjustment, recent: int
 ) -> dict[int, Sequence[PassFactor]]:
     """The last drives as they are, the others as sums over each row, as they counted in the solution of all."""
-    old = len(drives) - jury
+    old = len(drives) - recent
     said: dict[int, Sequence[PassFactor]] = dict(enumerate(drives[old:]))
     for row in range(len(TABLE)):
         length, parts = length_of(TABLE, row), []
@@ -183,7 +183,7 @@ def with_sums(
 @pytest.mark.parametrize(
     "sensors", [WITH_ALL, Sensors(altitude_m=0.5), Sensors(doppler=0.05, pitch=0.01, mount=0.02)]
 )
-def test_sums_and_a_jury_say_what_all_passes_say_and_claim_no_more(sensors: Sensors) -> None:
+def test_condensed_and_recent_passes_say_what_all_passes_say_and_claim_no_more(sensors: Sensors) -> None:
     drives = [drive(k, replace(sensors, mount=0.02 * np.sin(k), bias=0.01 * np.cos(k))) for k in range(40)]
     every = adjust(TABLE, dict(enumerate(drives)))
     found = adjust(TABLE, with_sums(drives, every, 10))
@@ -197,7 +197,7 @@ def test_sums_and_a_jury_say_what_all_passes_say_and_claim_no_more(sensors: Sens
     assert np.allclose(found.driven_share, every.driven_share)
 
 
-def test_sums_of_passes_without_errors_of_drives_are_exact() -> None:
+def test_condensed_passes_without_errors_of_drives_are_exact() -> None:
     """Passes that speak of the road alone may be summed or not."""
     rng = np.random.default_rng(3)
     drives = [

@@ -1,4 +1,4 @@
-"""One drive in two logs is one witness; two drives are two, however alike their ways and times."""
+"""One drive in two logs is a duplicate; two drives are not, however alike their ways and times."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ def test_another_drive_is_another(other: DriveTrace) -> None:
     assert not is_duplicate(other, LOG)
 
 
-def test_two_receivers_in_a_vehicle_are_two_witnesses() -> None:
+def test_two_receivers_in_a_vehicle_are_two_drives() -> None:
     receivers = {seed: drive(seed=seed) for seed in range(1, 21)}
     assert find_duplicates(receivers) == {}
 
 
-def test_laps_of_one_drive_are_one_witness_by_themselves() -> None:
+def test_laps_of_one_drive_are_one_drive() -> None:
     """A log of three laps is one drive, and so is a log of its last lap."""
     laps = drive(laps=3)
     last = DriveTrace(
@@ -88,7 +88,7 @@ def test_laps_of_one_drive_are_one_witness_by_themselves() -> None:
     assert find_duplicates({0: last, 1: laps}) == {0: 1}
 
 
-def test_the_one_with_more_measurements_is_heard() -> None:
+def test_the_one_with_more_measurements_counts() -> None:
     poor, rich, other = (
         drive(digits_m=1.0, measurements=300),
         drive(measurements=2000),

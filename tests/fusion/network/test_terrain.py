@@ -104,7 +104,7 @@ def test_white_noise_of_a_third_of_a_metre_is_a_good_model() -> None:
     assert inside > 0.88
 
 
-def test_the_same_model_is_one_witness_however_many_drives_there_are() -> None:
+def test_the_same_model_is_one_source_however_many_drives_there_are() -> None:
     """Drives that know nothing but the model would all repeat it: it is in the equations once."""
     terrain = Terrain(height_at(KNOTS_M) + wander(2, 6.0, 100.0))
     blind = Sensors(2.0)

@@ -64,7 +64,7 @@ def test_the_level_stays_that_of_the_standard_atmosphere() -> None:
 
 
 @pytest.mark.parametrize("broken_c", [85.0, -127.0, -273.15, np.nan])
-def test_a_broken_thermometer_is_not_heard(broken_c: float) -> None:
+def test_a_broken_thermometer_is_ignored(broken_c: float) -> None:
     pressure = pressure_pa(200 + np.linspace(0, 50, 200), 278.15)
     np.testing.assert_array_equal(heights_of(pressure, broken_c), heights_of(pressure, np.nan))
     some = np.where(np.arange(200) % 3 == 0, broken_c, 5.0)

@@ -288,11 +288,11 @@ def test_work_can_be_stopped_from_progress() -> None:
 def test_uncertain_passes_say_little_or_nothing() -> None:
     """Two streets 6 m apart, and the vehicle between them: which of them it drove is anybody's guess."""
     points = {k + 10 * lane: (SIDE_M * k, 6.0 * lane) for lane in (0, 1) for k in range(7)}
-    twin = roads(points, [(k + 10 * lane, k + 1 + 10 * lane) for lane in (0, 1) for k in range(6)])
+    parallel = roads(points, [(k + 10 * lane, k + 1 + 10 * lane) for lane in (0, 1) for k in range(6)])
     log = street_log(*way((10.0, 36)), hills, np.random.default_rng(2), aside_m=3.0)
-    match = smoothed(log, twin).path.match
+    match = smoothed(log, parallel).path.match
     assert np.all(match.confidence < 0.95), "no doubt, no test"
-    report = run_drive(log, twin, None)[1].report
+    report = run_drive(log, parallel, None)[1].report
     assert report["passes"] == np.count_nonzero(match.confidence >= MIN_CONFIDENCE)
     assert report["passes_dropped_as_uncertain"] == np.count_nonzero(match.confidence < MIN_CONFIDENCE)
 

@@ -165,7 +165,7 @@ def test_a_factor_speaks_of_its_own_passage(drive: tuple[Smoothed, list[PassFact
 
 
 def test_elevation_models_are_the_network_s_affair(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """One raster is one witness, however many drives there are: no factor holds any of it."""
+    """One raster is one source, however many drives there are: no factor holds any of it."""
     world = World(tmp_path_factory.mktemp("profile"))
     drive = world.drive(1, duration_s=200.0)
     one = smoothed(log_of(csv_columns(drive)), drive.town.roads, world.dem(1))

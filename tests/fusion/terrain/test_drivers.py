@@ -207,6 +207,6 @@ def test_a_large_void_raster_is_not_looked_through(tmp_path: Path) -> None:
     with rasterio.open(tmp_path / "a.tif", "w", transform=POSTS @ Affine.scale(1e-4), **profile, **tiled):
         pass
     looks: list[float] = []
-    refuse_void(tmp_path / "a.tif", lambda _, share: looks.append(share))  # neither for long nor in vain
+    refuse_void(tmp_path / "a.tif", lambda _, share: looks.append(share))  # neither for long nor for nothing
     assert 10 < len(looks) < 200
     assert looks == sorted(looks)

@@ -109,8 +109,8 @@ function placeOn(first: Profile, stay: Stay, lon: number, lat: number): number {
     const y0 = (first.lat_deg[row] as number) - lat;
     const dx = ((first.lon_deg[after] as number) - (first.lon_deg[row] as number)) * narrow;
     const dy = (first.lat_deg[after] as number) - (first.lat_deg[row] as number);
-    const square = dx * dx + dy * dy;
-    const share = square > 0 ? Math.min(Math.max(-(x0 * dx + y0 * dy) / square, 0), 1) : 0;
+    const length2 = dx * dx + dy * dy;
+    const share = length2 > 0 ? Math.min(Math.max(-(x0 * dx + y0 * dy) / length2, 0), 1) : 0;
     const away = Math.hypot(x0 + share * dx, y0 + share * dy);
     if (away >= least) continue;
     least = away;

@@ -123,7 +123,7 @@ def day_of_four_years(moscow_s: Floats) -> Floats:
 
 @cache
 def _checks() -> NDArray[np.int64]:
-    """Which of bits 85 to 9 each of the check bits 1 to 7 sums up, (77, 7): the Hamming code of section 4.7.
+    """Which of bits 85 to 9 each of the check bits 1 to 7 adds up, (77, 7): the Hamming code of section 4.7.
 
     Bit 9 and the following ones take the places 3, 5, 6, 7, 9 ... that are no power of two.
     """

@@ -76,11 +76,16 @@ def test_measurements_in_an_interruption_are_not_placed_across_it() -> None:
 def test_a_sensor_without_a_look_is_drawn_by_its_name() -> None:
     p = profile()
     n = len(p)
-    unheard = DrawnMeasurements(
-        ("unheard of",), np.zeros(n, np.int64), p.time_s, p.distance_m, np.full(n, 0.03), np.zeros(n, bool)
+    foreign = DrawnMeasurements(
+        ("foreign sensor",),
+        np.zeros(n, np.int64),
+        p.time_s,
+        p.distance_m,
+        np.full(n, 0.03),
+        np.zeros(n, bool),
     )
-    (one,) = dots_of(p, unheard)
-    assert one.label == "unheard of"
+    (one,) = dots_of(p, foreign)
+    assert one.label == "foreign sensor"
 
 
 @given(

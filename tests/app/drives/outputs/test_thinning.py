@@ -81,7 +81,7 @@ def test_each_stretch_keeps_its_own_peaks() -> None:
 
 
 def test_bends_stay() -> None:
-    """A square of streets: its corners are among few points."""
+    """A block of streets: its corners are among few points."""
     side, none = 1000, np.zeros(4000, np.bool_)
     step = np.arange(side, dtype=float)
     x = np.r_[step, np.full(side, 1000.0), 1000 - step, np.zeros(side)]

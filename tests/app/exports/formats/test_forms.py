@@ -1,4 +1,4 @@
-"""Every handover keeps the grammar of its consumer; the checkers here know the grammar and nothing of the writers."""
+"""Every file for another program keeps the grammar of its consumer; the checkers know the grammar and no writer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stored map as handovers read it: chains of ways, files of roads and what is told where they are missing."""
+"""The stored map as formats read it: chains of ways, files of roads and what is told where they are missing."""
 
 from __future__ import annotations
 

@@ -133,14 +133,14 @@ def test_one_at_a_time(followed: Sessions, segment_ids: Ints) -> None:
     assert value(followed, "SELECT count(slope_percent) FROM ways") == 1
 
 
-def test_a_square_that_a_solver_has_is_left_until_later(followed: Sessions, segment_ids: Ints) -> None:
+def test_a_tile_that_a_solver_has_is_left_until_later(followed: Sessions, segment_ids: Ints) -> None:
     measure(followed, int(segment_ids[0]), 1.0)
     with followed() as solver:
         solver.execute(text("SELECT id FROM cells FOR UPDATE"))
         following.follow(followed, 0.1)
         assert value(followed, "SELECT count(slope_percent) FROM drawn_pieces") == 0
         assert value(followed, "SELECT count(*) FROM cells_to_draw") == 1
-        # Nobody who holds squares waits for this one.
+        # Nobody who holds tiles waits for this one.
         solver.execute(text("SET LOCAL lock_timeout = '100ms'"))
         solver.execute(text("UPDATE segment_slopes SET drives = 2"))
         solver.commit()
@@ -186,27 +186,27 @@ _TILE = text(
 
 
 @pytest.mark.parametrize("level", [12, 8])
-def test_a_tile_of_the_fullest_squares_is_small(sessions: Sessions, level: int) -> None:
+def test_a_tile_of_the_fullest_tiles_is_small(sessions: Sessions, level: int) -> None:
     zoom, x, y = level - 1, 536 >> (11 - level + 1), 352 >> (11 - level + 1)
     rng = np.random.default_rng(level)
     quarters = [2 * x + dx << level | 2 * y + dy for dx in (0, 1) for dy in (0, 1)]
-    squares = [square for quarter in quarters for square in children(level - 2, quarter)]
+    tiles = [tile for quarter in quarters for tile in children(level - 2, quarter)]
     after = {}
-    for k, square in enumerate(squares):
-        pieces = pieces_of(LEVELS[level], *fullest(rng, level, square, k))
-        after[square] = {piece.segment_id: piece for piece in pieces}
+    for k, tile in enumerate(tiles):
+        pieces = pieces_of(LEVELS[level], *fullest(rng, level, tile, k))
+        after[tile] = {piece.segment_id: piece for piece in pieces}
     with sessions.begin() as session:
-        replace_pieces(session, level, {square: {} for square in squares}, after)
-        tile = bytes(session.execute(_TILE, {"z": zoom, "x": x, "y": y, "level": level}).scalar_one())
-    assert len(squares) == 64
-    assert 150_000 < len(gzip.compress(tile, 6)) <= 250_000
+        replace_pieces(session, level, {tile: {} for tile in tiles}, after)
+        encoded = bytes(session.execute(_TILE, {"z": zoom, "x": x, "y": y, "level": level}).scalar_one())
+    assert len(tiles) == 64
+    assert 150_000 < len(gzip.compress(encoded, 6)) <= 250_000
 
 
-def fullest(rng: np.random.Generator, level: int, square: int, number: int) -> tuple[list[Course], Stretches]:
-    """Winding roads all over a square, measured every one, with ids of a map of a hundred million segments."""
+def fullest(rng: np.random.Generator, level: int, tile: int, number: int) -> tuple[list[Course], Stretches]:
+    """Winding roads all over a tile, measured every one, with ids of a map of a hundred million segments."""
     zoom, n, points = LEVELS[level].tile_zoom, 400, 5
     side = 2 * 20037508.342789244 / 2**zoom
-    corner = np.array([square >> zoom, square & ((1 << zoom) - 1)]) * side - 20037508.342789244
+    corner = np.array([tile >> zoom, tile & ((1 << zoom) - 1)]) * side - 20037508.342789244
     most = LEVELS[level].most_m
     steps = rng.normal(0, most / points, (n, points, 2))
     lines = corner + rng.uniform(0, side, (n, 1, 2)) + np.cumsum(steps, axis=1)

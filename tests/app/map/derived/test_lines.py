@@ -97,13 +97,13 @@ def test_what_hangs_together_is_measured_together() -> None:
 
 
 @given(st.integers(0, 2**28 - 1))
-def test_squares_lie_in_each_other(cell: int) -> None:
+def test_tiles_lie_in_each_other(cell: int) -> None:
     assert tile_of(cell, 12) == cell
     for level in DRAWN_LEVELS[:-1]:
-        square = tile_of(cell, level)
-        above = parent(level, square)
+        tile = tile_of(cell, level)
+        above = parent(level, tile)
         assert above == tile_of(cell, level - 2)
-        assert square in children(level - 2, above)
+        assert tile in children(level - 2, above)
     assert all(BELOW[above] == level for level, above in ABOVE.items())
 
 

@@ -1,4 +1,4 @@
-"""Lines cut into pieces, and squares made of them."""
+"""Lines cut into pieces, and tiles made of them."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_a_line_that_is_a_point_from_afar_stays_a_line() -> None:
 
 @settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 400))
-def test_a_square_has_room_for_so_much_and_the_important_stay(seed: int, n: int) -> None:
+def test_a_tile_has_room_for_so_much_and_the_important_stay(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     classes = np.array(["motorway", "primary", "residential", "service"], object)
     slope = np.where(rng.random(n) < 0.5, rng.normal(size=n), NAN)
@@ -217,7 +217,7 @@ def test_longer_driven_stretches_are_shown_whatever_their_class() -> None:
 @pytest.mark.parametrize(
     "classes", [["track"], ["service", "residential"], ["primary_link", "track"], ["new"]]
 )
-def test_no_square_with_roads_is_empty(level: Any, classes: list[str]) -> None:
+def test_no_tile_with_roads_is_empty(level: Any, classes: list[str]) -> None:
     roads = [{"points": [(0, 100 * k), (90, 100 * k)], "highway": name} for k, name in enumerate(classes)]
     found = greater_roads(level, stretches(*roads))
     assert len(found) == 1
@@ -233,13 +233,13 @@ def test_pieces_are_what_the_next_level_is_made_of() -> None:
     assert greater_roads(COARSE, stretches_of([])) == []
 
 
-def test_every_square_that_a_changed_piece_reaches_into_is_told() -> None:
+def test_every_tile_that_a_changed_piece_reaches_into_is_told() -> None:
     half, side = 20037508.342789244, 2 * 20037508.342789244 / 2**14
     x, y = 8579, 5634
     west, north = x * side - half, half - y * side
 
     def piece(*points: tuple[float, float]) -> Piece:
-        """Through places of the square, in parts of its side."""
+        """Through places of the tile, in parts of its side."""
         (found,) = pieces_of(
             FINE,
             [Course([0], [False])],
@@ -248,8 +248,8 @@ def test_every_square_that_a_changed_piece_reaches_into_is_told() -> None:
         return found
 
     def met(*points: tuple[float, float]) -> set[tuple[int, int]]:
-        square, made = x << 14 | y, piece(*points)
-        there, gone = {square: {1: made}}, {square: {}}
+        tile, made = x << 14 | y, piece(*points)
+        there, gone = {tile: {1: made}}, {tile: {}}
         found = changed_tiles(12, there, gone)  # type: ignore[arg-type]
         assert found == changed_tiles(12, gone, there)  # type: ignore[arg-type]
         assert changed_tiles(12, there, there) == set()

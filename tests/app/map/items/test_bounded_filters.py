@@ -118,7 +118,7 @@ def test_a_text_is_read_in_a_time_that_grows_with_its_length(text: str) -> None:
         sql_of(text)
     assert (
         time.process_time() - begin_s < 5
-    )  # milliseconds; by their square, or twice as long for each bracket, it was half a minute and more
+    )  # milliseconds; quadratic, or twice as long for each bracket, it was half a minute and more
 
 
 def test_all_statements_of_a_page_have_one_time_limit(items: Items, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -261,7 +261,7 @@ def test_too_many_at_once_are_sent_away(
 
 
 def test_ways_are_as_new_as_they_are(in_processes: Any, sessions: Sessions, segment_ids: Ints) -> None:
-    """No square tells that a way has followed its segments: its tile is made each time."""
+    """No cell tells that a way has followed its segments: its tile is made each time."""
     at = Address(WAYS, 14, HERE.x, HERE.y)
     with sessions.begin() as session:
         session.execute(

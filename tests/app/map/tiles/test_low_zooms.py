@@ -21,7 +21,7 @@ from tiles_support import processes, run
 # One piece a level with the level as its id, all in the tiles over 8.4 E, 49 N; and a crowd at level 10.
 PIECES = text(
     """
-    INSERT INTO drawn_pieces (level, square, segment_id, rank, highway, oneway, drives, length_m, slope_percent,
+    INSERT INTO drawn_pieces (level, cell, segment_id, rank, highway, oneway, drives, length_m, slope_percent,
         geom_3857)
     SELECT level, 0, level, 3, 'primary', 0, 0, 5000, NULL,
         ST_Transform(ST_SetSRID(ST_MakeLine(ST_Point(8.41, 49.01), ST_Point(8.47, 49.05)), 4326), 3857)

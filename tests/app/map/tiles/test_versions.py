@@ -74,7 +74,7 @@ def sums(factory: Sessions, z: int, x: int, y: int) -> Sums:
 
 
 def around(cell: int, z: int, dx: int, dy: int) -> tuple[int, int, int]:
-    """A tile over a square, or beside it."""
+    """A tile over a cell, or beside it."""
     x, y = cell >> 14, cell & 16383
     x, y = (n >> 14 - z if z <= 14 else n << z - 14 for n in (x, y))
     return z, min(max(x + dx, 0), (1 << z) - 1), min(max(y + dy, 0), (1 << z) - 1)
@@ -111,15 +111,15 @@ def test_sums_are_those_of_the_table(url: str, factory: Sessions, steps: Any, da
     watched(url, scenario)
 
 
-def test_every_tile_of_a_square_and_no_other_is_new() -> None:
-    """Of all zooms, by the definition: the tiles whose span has the square in it."""
-    square = 8191 << 14 | 8192
+def test_every_tile_of_a_cell_and_no_other_is_new() -> None:
+    """Of all zooms, by the definition: the tiles whose span has the cell in it."""
+    cell = 8191 << 14 | 8192
     versions = Versions()
-    versions.put([(square, 1, 1, 7)])
+    versions.put([(cell, 1, 1, 7)])
     for z in range(19):
         for dx in range(-3, 4):
             for dy in range(-3, 4):
-                tile = around(square, z, dx, dy)
+                tile = around(cell, z, dx, dy)
                 (x0, x1), (y0, y1) = span(z, tile[1]), span(z, tile[2])
                 shows = x0 <= 8191 <= x1 and y0 <= 8192 <= y1
                 assert versions.of(*tile) == (Sums(1, 1, 7) if shows else Sums(0, 0, 0)), tile
@@ -156,7 +156,7 @@ def test_a_look_that_finds_nothing_new_changes_nothing(url: str, factory: Sessio
     watched(url, scenario)
 
 
-def test_squares_that_are_deleted_begin_a_new_epoch(url: str, factory: Sessions) -> None:
+def test_cells_that_are_deleted_begin_a_new_epoch(url: str, factory: Sessions) -> None:
     cell = 7 << 14 | 7
     change(factory, cell, cell + 500)
 

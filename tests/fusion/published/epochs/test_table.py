@@ -43,10 +43,10 @@ def test_fast_fixes_are_thinned_to_the_period() -> None:
 
 def test_other_sensors_carry_on_through_an_outage() -> None:
     time = np.arange(60.0)
-    heard = (time < 20) | (time >= 40)
+    received = (time < 20) | (time >= 40)
     log = DriveLog(
         "csv",
-        fix=fixes(time).take(heard),
+        fix=fixes(time).take(received),
         attitude=Attitude.assemble(time, pitch_rad=np.full(60, 0.05), yaw_rad=np.full(60, 1.0)),
     )
     epochs = build_epochs(log, PLANE)

@@ -36,8 +36,8 @@ def scenes() -> list[Interchange]:
 def test_errors_are_as_large_as_the_thesis_says(
     scenes: list[Interchange], model: str, sigma_m: float
 ) -> None:
-    square = [np.mean(raster_error(scene, DEM_MODELS[model]) ** 2) for scene in scenes]
-    assert np.sqrt(np.mean(square)) == pytest.approx(sigma_m, rel=0.15)
+    variance = [np.mean(raster_error(scene, DEM_MODELS[model]) ** 2) for scene in scenes]
+    assert np.sqrt(np.mean(variance)) == pytest.approx(sigma_m, rel=0.15)
 
 
 def test_errors_of_neighbours_hang_together(scene: Interchange) -> None:

@@ -102,7 +102,7 @@ def first_seconds(path: Path) -> bytes:
 
 
 @pytest.mark.slow
-def test_ten_drives_that_begin_at_one_second_are_ten_witnesses(
+def test_ten_drives_that_begin_at_one_second_are_ten_drives(
     empty: JobContext, karlsruhe: Path, receiver_log: ReceiverLog, tmp_path: Path
 ) -> None:
     """Ten receivers along one way at one time, each with errors of its own."""
@@ -114,7 +114,7 @@ def test_ten_drives_that_begin_at_one_second_are_ten_witnesses(
 
 
 @pytest.mark.slow
-def test_one_log_in_several_formats_is_one_witness(
+def test_one_log_in_several_formats_is_one_drive(
     empty: JobContext, karlsruhe: Path, receiver_log: ReceiverLog, tmp_path: Path
 ) -> None:
     whole = first_seconds(receiver_log("09", tmp_path / "log.csv", 3))
