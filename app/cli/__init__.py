@@ -40,7 +40,7 @@ COMMANDS = {
     ),
     "migrate": Command(
         "app.cli.service",
-        "Bring the database to the schema of this version. Programs of the version before may run on.",
+        "Bring the database to the schema of this version. Programs before it run on where the changelog says so.",
     ),
     "import-roads": Command(
         "app.cli.imports",

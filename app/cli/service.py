@@ -157,7 +157,7 @@ def migrate(
         ),
     ] = False,
 ) -> None:
-    """Bring the database to the schema of this version. Programs of the version before may run on."""
+    """Bring the database to the schema of this version. Programs before it run on where the changelog says so."""
     from app.cli.database import database, settings_for
     from app.core import migrate as migrations
 
