@@ -148,12 +148,12 @@ def content_stamp(file: Path) -> str:
 
 def _reach(file: Path) -> set[Path]:
     """The file and all that it imports of its own package, directly or not."""
-    found, waiting = {file}, [file]
+    imported, waiting = {file}, [file]
     while waiting:
-        new = _imports(waiting.pop()) - found
-        found |= new
+        new = _imports(waiting.pop()) - imported
+        imported |= new
         waiting += new
-    return found
+    return imported
 
 
 @cache

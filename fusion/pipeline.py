@@ -77,9 +77,9 @@ def run_drive(
     """
     estimator = METHODS[method]
     chosen = options if isinstance(options, Options) else parse_options(method, options)
-    found = log if isinstance(log, Positioned) else positions_of(log, chosen, progress)
-    found = replace(found, log=without_placeholders(found.log))
-    log = found.log
+    positioned = log if isinstance(log, Positioned) else positions_of(log, chosen, progress)
+    positioned = replace(positioned, log=without_placeholders(positioned.log))
+    log = positioned.log
     if len(log.fix) < MIN_FIXES:
         raise EmptyLogError(
             f"The log holds {len(log.fix)} position(s); at least {MIN_FIXES} are needed for a slope. "
@@ -96,22 +96,22 @@ def run_drive(
         raise NoMatchError(_far_message(log))
     network = RoadNetwork.project(near, _plane(log))
     if dem:
-        found = _helped(found, network, dem)
-    ground = ground_under(found.log, dem)
-    log, graded = _for_slopes(found, ground)
+        positioned = _helped(positioned, network, dem)
+    ground = ground_under(positioned.log, dem)
+    log, graded = _for_slopes(positioned, ground)
     try:
         result = estimator.estimate(log, network, dem, chosen, progress)
     except MissingSensorError as error:
-        advice = advice_of(found.log, estimator.cues, dem, ground)
+        advice = advice_of(positioned.log, estimator.cues, dem, ground)
         raise MissingSensorError(f"{error} {advice}".strip(), where=error.where) from error
     result = result if graded else places_alone(result)
     if not np.any(result.track.segment >= 0):
         raise NoMatchError(_far_message(log))
     progress("slopes", 1.0)
     report = drive_report(
-        log, result, estimator, chosen, dem, ground, computed=found.solution is not None, graded=graded
+        log, result, estimator, chosen, dem, ground, computed=positioned.solution is not None, graded=graded
     )
-    return network, replace(result, report=report | {"gnss": found.report})
+    return network, replace(result, report=report | {"gnss": positioned.report})
 
 
 def positions_of(log: DriveLog, options: Options, progress: Progress = no_progress) -> Positioned:
@@ -119,20 +119,20 @@ def positions_of(log: DriveLog, options: Options, progress: Progress = no_progre
     return positioned(log, options.gnss, options.gnss_options, progress)
 
 
-def _helped(found: Positioned, network: RoadNetwork, dem: Dem) -> Positioned:
+def _helped(positioned: Positioned, network: RoadNetwork, dem: Dem) -> Positioned:
     """The positions again, helped by the heights of the road that they lead along, where they do."""
-    if found.with_heights is None:
-        return found
-    height = above_ellipsoid(heights_under(found.log, network, dem), found.height_ell_m)
-    return found.with_heights(height) if np.isfinite(height).any() else found
+    if positioned.with_heights is None:
+        return positioned
+    height = above_ellipsoid(heights_under(positioned.log, network, dem), positioned.height_ell_m)
+    return positioned.with_heights(height) if np.isfinite(height).any() else positioned
 
 
-def _for_slopes(found: Positioned, ground: Ground | None) -> tuple[DriveLog, bool]:
+def _for_slopes(positioned: Positioned, ground: Ground | None) -> tuple[DriveLog, bool]:
     """The log as methods take it, and whether slopes may be made of it."""
-    if found.solution is None:
-        return found.log, True
-    graded = (ground is not None and ground.share > 0) or knows_grade(found.log)
-    return (without_heights(found.log) if graded else found.log), graded
+    if positioned.solution is None:
+        return positioned.log, True
+    graded = (ground is not None and ground.share > 0) or knows_grade(positioned.log)
+    return (without_heights(positioned.log) if graded else positioned.log), graded
 
 
 def road_boxes(log: DriveLog) -> Floats:
@@ -278,12 +278,12 @@ def _solved(
 ) -> _Solved:
     """The solution over the rows ``near``, and for each drive and row how many of its passes are accepted there."""
     table = roads.subset(near)
-    driven = np.isin(near, [f.segment for said in passes.values() for f in said])
+    driven = np.isin(near, [f.segment for factors in passes.values() for f in factors])
     solved = driven | gap_rows(table, driven)
     table, rows = table.subset(solved), near[solved]
     row_of = {int(row): k for k, row in enumerate(rows)}
     terrain = heights_at(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem else None
-    own = {k: [f.over(row_of[f.segment]) for f in said] for k, said in enumerate(passes.values())}
+    own = {k: [f.over(row_of[f.segment]) for f in factors] for k, factors in enumerate(passes.values())}
     result = adjust(table, own, terrain, surveyed.among(solved))
     names = list(passes)
     accepted: dict[tuple[int, int], int] = {}
@@ -299,5 +299,5 @@ def _solved(
     remarks = [*undriven, *result.remarks, *(result.model.remarks(table) if result.model else ())]
     lags = {names[k]: lag for k, lag in result.lag_s.items()}
     counted = [drives_on[row] for row in rows.tolist()]
-    said = zip(rows.tolist(), result.parts(counted), strict=True)
-    return _Solved({row: [part] for row, part in said if part is not None}, accepted, lags, remarks)
+    factors = zip(rows.tolist(), result.parts(counted), strict=True)
+    return _Solved({row: [part] for row, part in factors if part is not None}, accepted, lags, remarks)

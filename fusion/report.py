@@ -170,8 +170,8 @@ def advice_of(log: DriveLog, cues: Collection[str], dem: Dem | None, ground: Gro
     """What to do about a log that lacks what its method needs: which of ``cues`` a person with that kind of device
     could record, and whether the elevation model is one of another place; "" where there is nothing to say.
     """
-    said = {"altitude": _altitude_advice, "doppler": _doppler_advice}
-    lacking = [said[name](log) for name in said if name in cues and name not in cues_of(log)]
+    advice = {"altitude": _altitude_advice, "doppler": _doppler_advice}
+    lacking = [advice[name](log) for name in advice if name in cues and name not in cues_of(log)]
     elsewhere = _of_terrain(log, dem, ground) if ground is not None and not ground.share else []
     zeros = [NO_HEIGHTS] if NO_HEIGHTS in log.warnings else []
     return " ".join([*zeros, *lacking, *elsewhere])
@@ -182,11 +182,11 @@ def with_contradiction(warnings: Sequence[str], rejected: int, segments: int) ->
 
     What an earlier look said of the same goes.
     """
-    kept = [said for said in warnings if not said.startswith(_CONTRADICTS)]
+    others = [said for said in warnings if not said.startswith(_CONTRADICTS)]
     if rejected <= REJECTED_SHARE * segments:
-        return kept
+        return others
     return [
-        *kept,
+        *others,
         f"{_CONTRADICTS}{rejected} of {segments} segments ({rejected / segments:.0%}) and is rejected there; its "
         "other segments count. Look whether it was driven on another road beside, whether its clock and its sensors' "
         "axes are right, and whether the mounting moved.",
@@ -233,23 +233,23 @@ def _rests_on_terrain(log: DriveLog, result: DriveResult, method: Method, ground
 
 def _lacking(log: DriveLog, method: Method, *, only: bool, computed: bool) -> list[str]:
     """What the log lacks that would have made its slopes surer; a barometer makes up for either."""
-    cues, said = cues_of(log), []
+    cues, sentences = cues_of(log), []
     if only and method.cues:
-        said.append(
+        sentences.append(
             "The slopes of this drive rest on the elevation model alone, for nothing in the log measures height or "
             "grade: they are as good as the model, and more such drives do not improve them."
         )
     if "barometer" in cues & set(method.cues):
-        return said
+        return sentences
     if "altitude" in method.cues and "altitude" not in cues and not computed:
         worth = "so its slopes are less sure, and" if "doppler" not in cues else "so"
-        said.append(f"The log has no altitudes, {worth} it measures no heights. {_altitude_advice(log)}")
+        sentences.append(f"The log has no altitudes, {worth} it measures no heights. {_altitude_advice(log)}")
     if "doppler" in method.cues and "doppler" not in cues:
-        said.append(
+        sentences.append(
             "The log has no vertical Doppler velocity, the strongest cue of slope: with it sigmas become several "
             f"times smaller. {_doppler_advice(log)}"
         )
-    return said
+    return sentences
 
 
 def _never_changing(log: DriveLog) -> list[str]:

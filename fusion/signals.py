@@ -117,8 +117,8 @@ class Signals:
     def empty(cls) -> Self:
         """Without any epoch."""
         rows, places = np.empty(0), np.empty((0, 3))
-        whole = np.empty(0, np.int64)
-        return cls(rows, np.zeros(1, np.int64), whole, whole, rows, rows, rows, rows, rows, places, places)
+        empty = np.empty(0, np.int64)
+        return cls(rows, np.zeros(1, np.int64), empty, empty, rows, rows, rows, rows, rows, places, places)
 
     @classmethod
     def assemble(cls, row_gps_s: Floats, system: Ints, number: Ints, **columns: Floats) -> Self:

@@ -131,8 +131,8 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
         published = endings.published_drives(session)
         for drive in published:
             endings.mark_done(session, drive.id)
-            said = {"method": drive.method, "segments": drive.report.get("segments_estimated")}
-            announce_drive(session, DRIVE_DONE, drive.id, said)
+            facts = {"method": drive.method, "segments": drive.report.get("segments_estimated")}
+            announce_drive(session, DRIVE_DONE, drive.id, facts)
         rejections = rejections_of(session, [drive.id for drive in published])
     for drive in published:
         _tell_done(drive, rejections.get(drive.id))

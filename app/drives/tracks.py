@@ -75,8 +75,8 @@ def save_track(
     measurements: DrawnMeasurements | None = None,
 ) -> None:
     """Store the track; ``segment_ids`` maps its ``segment`` (index into the run's network) to stored ids."""
-    said = None if measurements is None else encode_measurements(measurements)
-    values = {"drive_id": drive_id, "track": encode(track, segment_ids), "measurements": said}
+    encoded = None if measurements is None else encode_measurements(measurements)
+    values = {"drive_id": drive_id, "track": encode(track, segment_ids), "measurements": encoded}
     session.execute(_SAVE, values)
 
 

@@ -100,5 +100,5 @@ def _segments(session: Session, points: Sequence[ControlPoint]) -> list[int]:
 def _on_road(session: Session, point: ControlPoint) -> int | None:
     lon, lat = point.lon_deg, point.lat_deg
     table, ids = roads_within(session, widened((lon, lat, lon, lat)))
-    found, _ = place([point], table)
-    return int(ids[found.row[0]]) if len(found) else None
+    placed, _ = place([point], table)
+    return int(ids[placed.row[0]]) if len(placed) else None

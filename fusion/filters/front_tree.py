@@ -275,6 +275,6 @@ def gather_blocks(where: Ints, tree: Tree, front_of: Ints, inverse: Floats, out:
         for a in range(where.shape[1]):
             for b in range(a + 1):
                 at = slot(tree, front_of, where[m, a], where[m, b])
-                found = inverse[at] if at >= 0 else np.nan
-                out[m, a, b] = found
-                out[m, b, a] = found
+                value = inverse[at] if at >= 0 else np.nan
+                out[m, a, b] = value
+                out[m, b, a] = value

@@ -174,21 +174,21 @@ def selected_inverse(tree: Tree, open_fronts: int, panels: Floats, inverse: Floa
             if left[p] == 0:
                 top = begin[p]
         panel = panels[tree.panel_start[s] : tree.panel_start[s + 1]].reshape(k + r, k)
-        found = inverse[tree.panel_start[s] : tree.panel_start[s + 1]].reshape(k + r, k)
+        block = inverse[tree.panel_start[s] : tree.panel_start[s + 1]].reshape(k + r, k)
         if s < fronts - open_fronts:
-            _inverse_panel(panel, rest, found, k)
+            _inverse_panel(panel, rest, block, k)
         if children[s]:
             begin[s] = top
             m = k + r
-            whole = stack[top : top + m * m].reshape(m, m)
-            whole[:, :k] = found
-            whole[:k, k:] = found[k:].T
-            whole[k:, k:] = rest
+            front = stack[top : top + m * m].reshape(m, m)
+            front[:, :k] = block
+            front[:k, k:] = block[k:].T
+            front[k:, k:] = rest
             top += m * m
 
 
 @compiled_vector
-def _inverse_panel(panel: Floats, rest: Floats, found: Floats, k: int) -> None:
+def _inverse_panel(panel: Floats, rest: Floats, inverse: Floats, k: int) -> None:
     """With Y = L21 / L11 and Z the inverse of the ``rest``: -Z Y below, 1 / (L11 L11') + Y' Z Y above."""
     r = len(rest)
     lower = _inverse_of_lower(panel, k)
@@ -199,7 +199,7 @@ def _inverse_panel(panel: Floats, rest: Floats, found: Floats, k: int) -> None:
             for j in range(p + 1):
                 across[j, i] += here * lower[p, j]
     spread = _times(across, rest)  # (Z Y)'
-    found[k:] = -spread.T
+    inverse[k:] = -spread.T
     for i in range(k):
         for j in range(i + 1):
             total = 0.0
@@ -207,8 +207,8 @@ def _inverse_panel(panel: Floats, rest: Floats, found: Floats, k: int) -> None:
                 total += lower[p, i] * lower[p, j]
             for p in range(r):
                 total += across[i, p] * spread[j, p]
-            found[i, j] = total
-            found[j, i] = total
+            inverse[i, j] = total
+            inverse[j, i] = total
 
 
 @compiled_vector

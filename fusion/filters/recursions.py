@@ -37,7 +37,7 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
     ``states``.
     """
     n, d = len(transition), len(states)
-    kept = len(mean) > 0
+    stores = len(mean) > 0
     x, p = start_mean[states], np.empty((d, d))
     for a in range(d):
         for b in range(d):
@@ -67,7 +67,7 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
             for a in range(d):
                 for b in range(a):
                     p[b, a] = p[a, b]
-        if kept:
+        if stores:
             for a in range(d):
                 mean[k, states[a]] = x[a]
                 for b in range(d):
@@ -123,7 +123,7 @@ def run_backward(  # noqa: C901, PLR0912, PLR0915
     Of ``states`` only, as ``run_forward``.
     """
     n, d = len(transition), len(states)
-    kept = len(mean) > 0
+    stores = len(mean) > 0
     r, big = np.zeros(d), np.zeros((d, d))
     work, along, moved = np.empty((d, d)), np.empty(d), np.empty(d)
     h, seen, g, p = np.empty(d), np.empty(d, np.int64), np.empty(d), np.empty((d, d))
@@ -167,7 +167,7 @@ def run_backward(  # noqa: C901, PLR0912, PLR0915
             pull[k, states[a]] = r[a]
             for b in range(d):
                 pull_precision[k, states[a], states[b]] = big[a, b]
-        if kept:
+        if stores:
             for a in range(d):
                 for b in range(d):
                     p[a, b] = covariance[k, states[a], states[b]]

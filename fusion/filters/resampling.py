@@ -126,12 +126,12 @@ def _chain(values: Floats, out: Floats) -> float:
 def _whole_parts(weights: Floats, total: float) -> tuple[Ints, Floats]:
     """The whole part of n w / total and what is left of it."""
     n = len(weights)
-    whole, left_over = np.empty(n, np.int64), np.empty(n)
+    copies, left_over = np.empty(n, np.int64), np.empty(n)
     for i in prange(n):
         expected = n * (weights[i] / total)
-        whole[i] = math.floor((1.0 + _ROUNDING) * expected)
-        left_over[i] = max(expected - whole[i], 0.0)
-    return whole, left_over
+        copies[i] = math.floor((1.0 + _ROUNDING) * expected)
+        left_over[i] = max(expected - copies[i], 0.0)
+    return copies, left_over
 
 
 @compiled_parallel

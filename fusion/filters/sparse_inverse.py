@@ -76,15 +76,15 @@ class Elimination:
 
         ``keep`` them for covariances that will be asked for of the very same array, which must stay as it is.
         """
-        found = np.asarray(slots_of(self.place[rows], self.tree, self.front_of))
+        slots = np.asarray(slots_of(self.place[rows], self.tree, self.front_of))
         if keep:
-            self._kept[id(rows)] = rows, found
-        return found
+            self._kept[id(rows)] = rows, slots
+        return slots
 
     def kept_slots(self, rows: Ints) -> Ints | None:
         """Those that were kept of this very array, None where none were."""
-        known, found = self._kept.get(id(rows), (None, None))
-        return found if known is rows else None
+        known, slots = self._kept.get(id(rows), (None, None))
+        return slots if known is rows else None
 
     def zeros(self) -> Floats:
         """A matrix to add blocks to, in the layout of the factor."""

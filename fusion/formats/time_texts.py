@@ -81,21 +81,21 @@ def _read_alike(texts: list[str], rows: Ints, out: Floats, bare: Bools) -> None:
         out[rows[k]], bare[rows[k]] = _worded(texts[k])
 
 
-def _columns_of(texts: NDArray[np.bytes_], found: re.Match[str]) -> tuple[Floats, Bools, Bools]:
+def _columns_of(texts: NDArray[np.bytes_], match: re.Match[str]) -> tuple[Floats, Bools, Bools]:
     """Unix seconds, whether a zone is named, and which of the texts have digits, letters and signs where the first has.
 
-    ``found`` is the first text's match; all have its length.
+    ``match`` is the first text's match; all have its length.
     """
     letters = texts.view(np.uint8).reshape(len(texts), -1)
-    model = np.frombuffer(found.string.encode(), np.uint8)
+    model = np.frombuffer(match.string.encode(), np.uint8)
     digit, word = _is_digit(letters), _is_letter(letters)
     alike = (letters == model) | (digit & _is_digit(model)) | (word & _is_letter(model))
-    zone_at = [c for name in ("zone", "offset") for c in range(*found.span(name))]
+    zone_at = [c for name in ("zone", "offset") for c in range(*match.span(name))]
     alike[:, zone_at] = True
     is_read = alike.all(axis=1)
 
     def number(name: str) -> Ints:
-        begin, end = found.span(name)
+        begin, end = match.span(name)
         powers = 10 ** np.arange(end - begin - 1, -1, -1)
         return np.asarray((letters[:, begin:end].astype(np.int64) - ord("0")) @ powers)
 
@@ -106,16 +106,16 @@ def _columns_of(texts: NDArray[np.bytes_], found: re.Match[str]) -> tuple[Floats
         distinct, which = np.unique(cells, return_inverse=True)
         return np.array([value(one.decode("ascii", "replace")) for one in distinct], float)[which]
 
-    by_name = "name" in found.groupdict()
-    month = each(*found.span("name"), _month) if by_name else number("month").astype(float)
+    by_name = "name" in match.groupdict()
+    month = each(*match.span("name"), _month) if by_name else number("month").astype(float)
     days = np.stack([number("year"), month.astype(np.int64), number("day")], axis=1)
     code, which = np.unique(days @ np.array([10_000, 100, 1]), return_inverse=True)
     day_s = np.array([_day_s(int(c) // 10_000, int(c) // 100 % 100, int(c) % 100) for c in code])[which]
     hour, minute, second = number("hour"), number("minute"), number("second")
-    begin, end = found.span("part")
+    begin, end = match.span("part")
     share = number("part") / 10.0 ** (end - begin) if end > begin else 0.0
-    zone, zoned = found.span("zone"), np.zeros(len(texts))
-    offset = found.span("offset")
+    zone, zoned = match.span("zone"), np.zeros(len(texts))
+    offset = match.span("offset")
     shift = each(*offset, lambda text: _offset_s(None, text or None)[0])
     if offset[1] <= offset[0]:
         shift = each(*zone, lambda text: _offset_s(text or None, None)[0])

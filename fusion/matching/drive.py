@@ -124,25 +124,25 @@ class DriveMatcher:
         Raises ``ValueError`` for columns of different lengths and for times that are unknown or fall.
         """
         drive = DriveSamples.of(time_s, x_m, y_m, heading_rad, speed_mps, sigma_m)
-        kept = self._thinned(drive)
-        if not len(kept) or not len(self.network):
-            nowhere = (Break(float(drive.time_s[kept[0]]), NO_ROAD),) if len(kept) else ()
+        thinned = self._thinned(drive)
+        if not len(thinned) or not len(self.network):
+            nowhere = (Break(float(drive.time_s[thinned[0]]), NO_ROAD),) if len(thinned) else ()
             return empty_match(len(drive.time_s), nowhere)
-        cand = self._candidates(drive, kept)
-        intervals = self._intervals(drive, kept, cand)
+        cand = self._candidates(drive, thinned)
+        intervals = self._intervals(drive, thinned, cand)
         model = Model(self._graph, cand, intervals, Reach.of(self._graph), self.options.costs())
         lattice, transitions, final = viterbi(model)
         state = trace(lattice, final)
         chance = posterior(cand, intervals, transitions, state, model.costs)
-        joined = bridge(model, lattice, state, drive.x_m[kept], drive.y_m[kept])
+        joined = bridge(model, lattice, state, drive.x_m[thinned], drive.y_m[thinned])
         chance = doubt_unseen_ways(chance, intervals, model.costs, lattice, state, joined)
         route_start, route = routes(model, lattice, state, joined)
         on_chains, along, run = lay_chain_stays(
             self._graph, cand, lattice, state, joined, route_start, route, chance
         )
         stays = lay_stays(self._graph, on_chains)
-        breaks = breaks_of(drive.time_s[kept], cand, intervals, state, joined)
-        return self._result(drive, kept, stays, along, run, breaks)
+        breaks = breaks_of(drive.time_s[thinned], cand, intervals, state, joined)
+        return self._result(drive, thinned, stays, along, run, breaks)
 
     def _thinned(self, drive: DriveSamples) -> Ints:
         """Indices of the samples that are matched; the others are placed on the path afterwards."""
@@ -158,18 +158,18 @@ class DriveMatcher:
             o.widest_m,
         )
 
-    def _candidates(self, drive: DriveSamples, kept: Ints) -> Candidates:
+    def _candidates(self, drive: DriveSamples, thinned: Ints) -> Candidates:
         """Where each kept sample may be; at walking pace its course says nothing."""
         o = self.options
-        slow = drive.speed_mps[kept] < o.heading_mps
+        slow = drive.speed_mps[thinned] < o.heading_mps
         return find_candidates(
             self._graph,
             self._grid,
-            drive.x_m[kept],
-            drive.y_m[kept],
-            np.where(slow, np.nan, drive.heading_rad[kept]),
-            self._sigma(drive.sigma_m[kept]),
-            self._reach(drive.sigma_m[kept]),
+            drive.x_m[thinned],
+            drive.y_m[thinned],
+            np.where(slow, np.nan, drive.heading_rad[thinned]),
+            self._sigma(drive.sigma_m[thinned]),
+            self._reach(drive.sigma_m[thinned]),
             o.heading_weight,
             o.heading_cap,
             o.off_point,
@@ -184,14 +184,14 @@ class DriveMatcher:
         """How far from a road a sample may be: three times its noise, within bounds."""
         return np.clip(3.0 * self._sigma(given), self.options.radius_m, 3.0 * self.options.radius_m)
 
-    def _intervals(self, drive: DriveSamples, kept: Ints, cand: Candidates) -> Intervals:
+    def _intervals(self, drive: DriveSamples, thinned: Ints, cand: Candidates) -> Intervals:
         """Straight and driven distances from each kept sample to the next."""
         o = self.options
-        chord, driven, lapse = (np.zeros(len(kept)) for _ in range(3))
-        chord[1:] = np.hypot(np.diff(drive.x_m[kept]), np.diff(drive.y_m[kept]))
-        lapse[1:] = np.diff(drive.time_s[kept])
+        chord, driven, lapse = (np.zeros(len(thinned)) for _ in range(3))
+        chord[1:] = np.hypot(np.diff(drive.x_m[thinned]), np.diff(drive.y_m[thinned]))
+        lapse[1:] = np.diff(drive.time_s[thinned])
         driven[0] = np.nan
-        driven[1:] = driven_m(drive, kept)
+        driven[1:] = driven_m(drive, thinned)
         driven[lapse <= LONG_STEP_S] = np.nan
         outage = (lapse > o.outage_s) | (chord > o.outage_m)
         outage &= ~(chord <= 2 * o.widest_m)
@@ -201,7 +201,7 @@ class DriveMatcher:
     def _result(
         self,
         drive: DriveSamples,
-        kept: Ints,
+        thinned: Ints,
         stays: Stays,
         along: Floats,
         run: Ints,
@@ -212,13 +212,13 @@ class DriveMatcher:
             stays,
             drive.x_m,
             drive.y_m,
-            kept,
+            thinned,
             along,
             run,
             self._reach(drive.sigma_m),
             0.5 * self.options.spacing_m,
         )
-        enter_time, leave_time = stay_times(drive.time_s, stays, kept, along, run, row, distance)
+        enter_time, leave_time = stay_times(drive.time_s, stays, thinned, along, run, row, distance)
         return PathMatch(
             segment=self._graph.segment[stays.rank],
             forward=stays.forward,

@@ -18,7 +18,7 @@ def place_samples(
     stays: Stays,
     x: Floats,
     y: Floats,
-    kept: Ints,
+    thinned: Ints,
     along: Floats,
     run: Ints,
     reach: Floats,
@@ -28,7 +28,7 @@ def place_samples(
 
     ``reach`` is the largest offset accepted, per sample; half of it beyond the end of a run.
     """
-    n, m, rows = len(x), len(kept), len(stays.rank)
+    n, m, rows = len(x), len(thinned), len(stays.rank)
     row, distance, offset = np.full(n, -1, np.int64), np.full(n, np.nan), np.full(n, np.nan)
     line = _lines(graph, stays)
     first = 0  # the first stay that the window of the current kept sample can touch
@@ -42,14 +42,14 @@ def place_samples(
             or (stays.run[first + 1] == run[j] and stays.start_m[first + 1] < along[j] - slack)
         ):
             first += 1
-        for i in range(kept[j], kept[j + 1] if j + 1 < m else n):
+        for i in range(thinned[j], thinned[j + 1] if j + 1 < m else n):
             if not (math.isfinite(x[i]) and math.isfinite(y[i])):
                 continue
-            high = along[j] if i == kept[j] else ahead
+            high = along[j] if i == thinned[j] else ahead
             best, where, least = _nearest_stay(
                 line, stays, x[i], y[i], first, run[j], along[j] - slack, high + slack
             )
-            if best >= 0 and least <= (0.5 * reach[i] if ends and i != kept[j] else reach[i]):
+            if best >= 0 and least <= (0.5 * reach[i] if ends and i != thinned[j] else reach[i]):
                 row[i], distance[i], offset[i] = best, where, least
     return row, distance, offset
 
@@ -95,14 +95,14 @@ def _lines(graph: ChainGraph, stays: Stays) -> Floats:
 
 
 def stay_times(
-    time: Floats, stays: Stays, kept: Ints, along: Floats, run: Ints, row: Ints, distance: Floats
+    time: Floats, stays: Stays, thinned: Ints, along: Floats, run: Ints, row: Ints, distance: Floats
 ) -> tuple[Floats, Floats]:
     """Times of entry and exit of each stay, by distance along the path between the samples of its run."""
     span = np.abs(stays.leave_m - stays.enter_m)
     enter, leave = np.empty(len(span)), np.empty(len(span))
     known, of = distance.copy(), np.where(row >= 0, stays.run[row] if len(span) else -1, -1)
     on = run >= 0
-    known[kept[on]], of[kept[on]] = along[on], run[on]
+    known[thinned[on]], of[thinned[on]] = along[on], run[on]
     samples = np.flatnonzero(of >= 0)
     borders = np.searchsorted(of[samples], np.arange(int(stays.run[-1]) + 2 if len(span) else 1))
     rows = np.searchsorted(stays.run, np.arange(len(borders)))

@@ -64,20 +64,20 @@ def bridge(model: Model, lattice: Lattice, state: Ints, x: Floats, y: Floats) ->
 def _bridge(model: Model, a: int, b: int, chord: float, stamp: int) -> tuple[float, int]:
     """Length and kind of a plausible way between two candidates across samples off the road; kind -1: none."""
     ea, pa, eb, pb = model.cand.edge[a], model.cand.at_m[a], model.cand.edge[b], model.cand.at_m[b]
-    whole, bound = model.graph.length_m[ea >> 1], _BRIDGE_FACTOR * chord + model.costs.slack_m
+    length_m, bound = model.graph.length_m[ea >> 1], _BRIDGE_FACTOR * chord + model.costs.slack_m
     if chord > model.costs.bridge_m:
         return 0.0, -1
-    kind, length = within_chain(ea, pa, whole, eb, pb, model.costs.back_m)
+    kind, length = within_chain(ea, pa, length_m, eb, pb, model.costs.back_m)
     if kind == SAME:
         return length, SAME if length <= bound else -1
-    if kind == TURN or whole - pa > bound:
+    if kind == TURN or length_m - pa > bound:
         return 0.0, -1
-    search_from(model.graph, model.reach, model.graph.head[ea], bound - (whole - pa), stamp)
+    search_from(model.graph, model.reach, model.graph.head[ea], bound - (length_m - pa), stamp)
     v = model.graph.tail[eb]
     if model.reach.stamp[v] != stamp:
         return 0.0, -1
     length, turns = over_nodes(
-        ea, pa, whole, eb, pb, model.costs.back_m, model.reach.via[v], model.reach.dist[v]
+        ea, pa, length_m, eb, pb, model.costs.back_m, model.reach.via[v], model.reach.dist[v]
     )
     return length, ROUTE if length <= bound and not turns else -1
 

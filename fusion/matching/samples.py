@@ -62,7 +62,7 @@ def thin(
     vehicle stands. The last sample is kept if it lies a quarter of the spacing from the last kept one.
     """
     n = len(x)
-    kept = np.empty(n, np.int64)
+    chosen = np.empty(n, np.int64)
     count, last = 0, -1
     final = -1
     for i in range(n):
@@ -76,27 +76,27 @@ def thin(
                 need = widest
             if (x[i] - x[last]) ** 2 + (y[i] - y[last]) ** 2 < need * need:
                 continue
-        kept[count] = i
+        chosen[count] = i
         count += 1
         last = i
     if final >= 0 and final != last:
         moved = math.hypot(x[final] - x[last], y[final] - y[last])
         if moved >= 0.25 * spacing and not speed[final] < 0.3 and time[final] - time[last] <= dwell_s:
-            kept[count] = final
+            chosen[count] = final
             count += 1
-    return kept[:count]
+    return chosen[:count]
 
 
-def driven_m(drive: DriveSamples, kept: Ints) -> Floats:
+def driven_m(drive: DriveSamples, thinned: Ints) -> Floats:
     """Distance driven from each kept sample to the next by the speeds, NaN where they have outages; (m - 1,)."""
     known = np.flatnonzero(np.isfinite(drive.speed_mps))
     if len(known) < 2:
-        return np.full(max(len(kept) - 1, 0), np.nan)
+        return np.full(max(len(thinned) - 1, 0), np.nan)
     time, speed = drive.time_s[known], drive.speed_mps[known]
     lapse = np.diff(time)
     way = np.concatenate([[0.0], np.cumsum(lapse * (speed[1:] + speed[:-1]) / 2)])
     outages = np.concatenate([[0], np.cumsum(lapse > _SPEED_STEP_S)])
-    at = drive.time_s[kept]
+    at = drive.time_s[thinned]
     before = np.clip(np.searchsorted(time, at), 0, len(time) - 1)
     outside = (at < time[0] - 1.0) | (at > time[-1] + 1.0)
     broken = (np.diff(outages[before]) > 0) | outside[1:] | outside[:-1]

@@ -107,9 +107,9 @@ def _link_within(
 ) -> int:
     """The steps from candidate a along its chain; the new count."""
     chord, driven, edge, at = intervals.chord_m[k], intervals.driven_m[k], cand.edge, cand.at_m
-    ea, pa, whole = edge[a], at[a], graph.length_m[edge[a] >> 1]
+    ea, pa, length_m = edge[a], at[a], graph.length_m[edge[a] >> 1]
     for b in range(cand.start[k], cand.start[k + 1]):
-        kind, length = within_chain(ea, pa, whole, edge[b], at[b], costs.back_m)
+        kind, length = within_chain(ea, pa, length_m, edge[b], at[b], costs.back_m)
         if kind >= 0 and length <= bound:
             cost = _step_cost(length, chord, driven, costs) + (costs.u_turn if kind == TURN else 0.0)
             count = _relax(lattice, transitions, count, a, b, cost, kind, length)
@@ -134,12 +134,12 @@ def _link_over(
     """The steps from candidate a over the node at the end of its chain, searched from; the new count."""
     chord, driven, edge, at = intervals.chord_m[k], intervals.driven_m[k], cand.edge, cand.at_m
     tail, reached, dist, via = graph.tail, reach.stamp, reach.dist, reach.via
-    ea, pa, whole = edge[a], at[a], graph.length_m[edge[a] >> 1]
+    ea, pa, length_m = edge[a], at[a], graph.length_m[edge[a] >> 1]
     for b in range(cand.start[k], cand.start[k + 1]):
         v = tail[edge[b]]
         if reached[v] != stamp:
             continue
-        length, turns = over_nodes(ea, pa, whole, edge[b], at[b], costs.back_m, via[v], dist[v])
+        length, turns = over_nodes(ea, pa, length_m, edge[b], at[b], costs.back_m, via[v], dist[v])
         if length <= bound:
             cost = _step_cost(length, chord, driven, costs) + (costs.u_turn if turns else 0.0)
             count = _relax(lattice, transitions, count, a, b, cost, ROUTE, length)

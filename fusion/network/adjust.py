@@ -43,31 +43,31 @@ def adjust(
     """
     everything = [p for d in sorted(drives) for p in drives[d]]
     road = RoadBeliefs(network, everything)
-    said = DriveBeliefs(drives, road.unknowns)
+    beliefs = DriveBeliefs(drives, road.unknowns)
     driven = np.zeros(len(network), bool)
     driven[[p.segment for p in everything]] = True
     model = None if terrain is None else TerrainBlocks(road.unknowns, terrain, driven)
     surveyed = None if control is None else ControlBeliefs(road.unknowns, control, road.usual)
-    constants = outside_blocks(outside or {}, said.unknowns)
+    constants = outside_blocks(outside or {}, beliefs.unknowns)
     equations = [
         *road.blocks(),
-        *said.blocks(),
+        *beliefs.blocks(),
         *constants,
         *(b for one in (model, surveyed) if one for b in one.blocks()),
     ]
     if blocks is None:
-        system: EquationSystem | BlockedSystem = EquationSystem(said.size, equations, said.late)
+        system: EquationSystem | BlockedSystem = EquationSystem(beliefs.size, equations, beliefs.late)
     else:
-        rows = {d: np.array([p.segment for p in said.passes[d]], np.int64) for d in said.names}
-        home = homes(blocks.block, road.unknowns, said.unknowns, rows, said.size)
-        system = BlockedSystem(said.size, equations, home, blocks.executor)
+        rows = {d: np.array([p.segment for p in beliefs.passes[d]], np.int64) for d in beliefs.names}
+        home = homes(blocks.block, road.unknowns, beliefs.unknowns, rows, beliefs.size)
+        system = BlockedSystem(beliefs.size, equations, home, blocks.executor)
     for number in range(ROUNDS):
         solution = system.solve()
         if number < ROUNDS - 1:
             road.learn(solution)
-            said.learn(solution, number == 0)
+            beliefs.learn(solution, number == 0)
             if model:
                 model.learn(solution, number == 0)
             if surveyed:
                 surveyed.learn(solution)
-    return published(road.unknowns, said, model, solution, road.usual, surveyed)
+    return published(road.unknowns, beliefs, model, solution, road.usual, surveyed)

@@ -113,11 +113,11 @@ class BlockedSystem:
     def _part(self, owner: list[Ints], border: Bools, k: int) -> _Block:
         rows = [np.flatnonzero(o == k) for o in owner]
         variables = [b.variables[r] for b, r in zip(self.blocks, rows, strict=True)]
-        found = np.unique(np.concatenate([np.empty(0, np.int64), *(v.ravel() for v in variables)]))
-        unknowns = np.concatenate([found[~border[found]], found[border[found]]])
-        count = int(border[found].sum())
+        used = np.unique(np.concatenate([np.empty(0, np.int64), *(v.ravel() for v in variables)]))
+        unknowns = np.concatenate([used[~border[used]], used[border[used]]])
+        count = int(border[used].sum())
         local = np.argsort(unknowns)
-        variables = [local[np.searchsorted(found, v)] for v in variables]
+        variables = [local[np.searchsorted(used, v)] for v in variables]
         pattern = pattern_of(len(unknowns), variables)
         interior = len(unknowns) - count
         order = fill_reducing_order(pattern[:interior][:, :interior])
@@ -156,9 +156,9 @@ class BlockedSystem:
             for k, (part, (normal, reduced)) in enumerate(zip(self.parts, eliminated, strict=True))
         ]
         finished = list(self._map(finish, work))
-        for part, (_, found) in zip(self.parts, finished, strict=True):
-            interior = len(found) - part.border
-            x[part.unknowns[:interior]] = found[:interior]
+        for part, (_, solution) in zip(self.parts, finished, strict=True):
+            interior = len(solution) - part.border
+            x[part.unknowns[:interior]] = solution[:interior]
         return Solution(x, _BlockedCovariances(self, [normal for normal, _ in finished], top))
 
     def _map(self, work: Callable[..., Any], jobs: list[tuple[Any, ...]]) -> Iterable[Any]:
@@ -208,8 +208,8 @@ class _BlockedCovariances:
                     out[mine] = self._top.equations.covariance(self._system.on_border(rows[mine]))
                 continue
             at, there = self._system.local(k, rows[mine])
-            found = self._normals[k].covariance(at)
-            out[mine] = np.where(there[:, :, None] & there[:, None, :], found, np.nan)
+            covariance = self._normals[k].covariance(at)
+            out[mine] = np.where(there[:, :, None] & there[:, None, :], covariance, np.nan)
         return out
 
 

@@ -98,17 +98,17 @@ def published_slope(parts: Sequence[SlopePart]) -> CombinedSlope:
     if any(part.network for part in measured):
         measured = [part for part in measured if not part.of_terrain]
     measured = _one_of_terrain(measured)
-    kept = NETWORK_ONLY if network in measured else HEIGHTS
-    known = {} if network is None else {name: getattr(network, name) for name in kept}
+    allowed = NETWORK_ONLY if network in measured else HEIGHTS
+    known = {} if network is None else {name: getattr(network, name) for name in allowed}
     if len(measured) == 1 and measured[0].network:
         only = measured[0]
         return CombinedSlope(only.slope_percent, only.slope_sigma_percent, drives, observations, **known)
-    whole = combine(
+    combined = combine(
         np.array([part.slope_percent for part in measured]),
         np.array([part.slope_sigma_percent for part in measured]),
         np.array([part.observations for part in measured]),
     )
-    return replace(whole, drives=drives, observations=observations, **known)
+    return replace(combined, drives=drives, observations=observations, **known)
 
 
 def _one_of_terrain(parts: list[SlopePart]) -> list[SlopePart]:

@@ -72,13 +72,13 @@ class CondensedPasses:
         cls,
         passes: Sequence[PassFactor],
         weight: Sequence[float],
-        whole: ConstantsInformation,
+        drive: ConstantsInformation,
         count: int,
         length_m: float,
     ) -> Self:
         """What the passes of one drive over one segment say, each ``weight`` times (0: it is not accepted).
 
-        ``whole`` is what all ``count`` passes of the drive say of its constants; ``length_m`` is what the knots assume.
+        ``drive`` is what all ``count`` passes of the drive say of its constants; ``length_m`` is what the knots assume.
         """
         share = SHARE_ELSEWHERE * min(count / USUAL_PASSES, 1.0)
         knots = len(passes[0].vector) - NUISANCES
@@ -87,7 +87,7 @@ class CondensedPasses:
         covered = np.zeros(PARTS)
         middle = (np.arange(PARTS) + 0.5) * length_m / PARTS
         for one, w in accepted:
-            said, right = condense(one, w, whole - ConstantsInformation.of_passes([one]), share)
+            said, right = condense(one, w, drive - ConstantsInformation.of_passes([one]), share)
             information += said
             vector += right
             covered += (one.start_m <= middle) & (middle <= one.end_m)

@@ -132,20 +132,20 @@ class ControlHeights:
 
 def place(points: Sequence[ControlPoint], table: RoadTable) -> tuple[ControlHeights, list[ControlPoint]]:
     """The points on their nearest segments, in their order, and those that have none within ``REACH_M``."""
-    found: list[tuple[int, float, ControlPoint]] = []
+    placed: list[tuple[int, float, ControlPoint]] = []
     far = []
     for point in points:
         nearest = _nearest(point, table)
         if nearest is None:
             far.append(point)
         else:
-            found.append((*nearest, point))
+            placed.append((*nearest, point))
     heights = ControlHeights(
-        np.array([row for row, _, _ in found], np.int64),
-        np.array([along for _, along, _ in found], float),
-        np.array([point.height_m for _, _, point in found], float),
-        np.array([point.sigma_m for _, _, point in found], float),
-        tuple(point.called for _, _, point in found),
+        np.array([row for row, _, _ in placed], np.int64),
+        np.array([along for _, along, _ in placed], float),
+        np.array([point.height_m for _, _, point in placed], float),
+        np.array([point.sigma_m for _, _, point in placed], float),
+        tuple(point.called for _, _, point in placed),
     )
     return heights, far
 

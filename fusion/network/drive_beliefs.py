@@ -118,13 +118,13 @@ class DriveBeliefs:
         for (size, used_bytes), members in by_size.items():
             factors = [self.passes[d][k] for d, k in members]
             used = np.frombuffer(used_bytes, bool)
-            kept = np.flatnonzero(np.concatenate([np.ones(size - used.size, bool), used]))
+            columns = np.flatnonzero(np.concatenate([np.ones(size - used.size, bool), used]))
             own = np.array([self.unknowns[d].of_pass[k] for d, k in members])[:, used]
             rows = np.array([f.segment for f in factors])
             blocks = Blocks(
                 np.concatenate([road.variables(rows), own], axis=1),
-                np.array([f.information for f in factors])[:, kept[:, None], kept],
-                np.array([f.vector for f in factors])[:, kept],
+                np.array([f.information for f in factors])[:, columns[:, None], columns],
+                np.array([f.vector for f in factors])[:, columns],
                 np.ones(len(members)),
             )
             squares = np.array([f.square for f in factors])
@@ -172,7 +172,7 @@ class DriveBeliefs:
     def _learn_overruled(self, misfits: list[Floats]) -> None:
         """Where most of the passes contradict a solution with a sum in it, the sum goes: the newest drives know what
         the road is now. Else what is new would be rejected for ever, since it never becomes the most."""
-        condensed = {p.segment for said in self.passes.values() for p in said if p.condensed}
+        condensed = {p.segment for passes in self.passes.values() for p in passes if p.condensed}
         against = dict.fromkeys(condensed, 0)
         for (members, _, _, _), misfit in zip(self.groups if condensed else (), misfits, strict=False):
             contradicts = misfit > REJECT_SIGMAS**2 * self._scales_of(members)

@@ -105,8 +105,8 @@ def pattern_of(size: int, variables: list[Ints]) -> scipy.sparse.csc_matrix:
     length = np.concatenate([np.full(len(v), v.shape[1]) for v in variables])
     start = np.concatenate([[0], np.cumsum(length)])
     index = np.concatenate([v.ravel() for v in variables])
-    said = scipy.sparse.csr_matrix((np.ones(len(index), np.float32), index, start), (len(length), size))
-    return (said.T @ said).tocsc()
+    incidence = scipy.sparse.csr_matrix((np.ones(len(index), np.float32), index, start), (len(length), size))
+    return (incidence.T @ incidence).tocsc()
 
 
 def right_hand_side(size: int, blocks: list[Blocks]) -> Floats:

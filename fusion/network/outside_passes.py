@@ -62,8 +62,8 @@ class ConstantsInformation:
             at = number[mine]
             np.add.at(information, (at[:, :, None], at[:, None, :]), said)
             np.add.at(vector, at, right)
-        kept = np.diagonal(information) > 0
-        order = np.flatnonzero(kept)
+        informed = np.diagonal(information) > 0
+        order = np.flatnonzero(informed)
         return cls(keys[order], information[np.ix_(order, order)], vector[order])
 
     def __add__(self, other: ConstantsInformation) -> ConstantsInformation:
@@ -72,9 +72,11 @@ class ConstantsInformation:
     def __sub__(self, other: ConstantsInformation) -> ConstantsInformation:
         left = self._with(other, -1.0)
         # Of what only the other spoke, rounding is left; it would tie together what has nothing to do with each other.
-        whole = self._with(other, 0.0).information
-        kept = np.flatnonzero(np.diagonal(left.information) > ROUNDING * np.diagonal(whole))
-        return ConstantsInformation(left.keys[kept], left.information[np.ix_(kept, kept)], left.vector[kept])
+        combined = self._with(other, 0.0).information
+        informed = np.flatnonzero(np.diagonal(left.information) > ROUNDING * np.diagonal(combined))
+        return ConstantsInformation(
+            left.keys[informed], left.information[np.ix_(informed, informed)], left.vector[informed]
+        )
 
     def _with(self, other: ConstantsInformation, sign: float) -> ConstantsInformation:
         keys, where = np.unique(np.concatenate([self.keys, other.keys]), axis=0, return_inverse=True)
@@ -92,17 +94,19 @@ class ConstantsInformation:
         """Information and vector over these constants; the others are integrated out, with what is believed of each."""
         at = {(int(kind), int(mount)): k for k, (kind, mount) in enumerate(self.keys)}
         known = np.array([key in at for key in keys], bool)
-        kept = np.array([at[key] for key in keys if key in at], np.int64)
-        gone = np.setdiff1d(np.arange(len(self.keys)), kept)
+        shared = np.array([at[key] for key in keys if key in at], np.int64)
+        gone = np.setdiff1d(np.arange(len(self.keys)), shared)
         prior = np.array(CONSTANT_SIGMA)[self.keys[gone, 0]] ** -2.0
-        across = self.information[np.ix_(gone, kept)]
+        across = self.information[np.ix_(gone, shared)]
         solved = np.linalg.solve(
             self.information[np.ix_(gone, gone)] + np.diag(prior),
             np.column_stack([across, self.vector[gone]]),
         )
         information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
-        information[np.ix_(known, known)] = self.information[np.ix_(kept, kept)] - across.T @ solved[:, :-1]
-        vector[known] = self.vector[kept] - across.T @ solved[:, -1]
+        information[np.ix_(known, known)] = (
+            self.information[np.ix_(shared, shared)] - across.T @ solved[:, :-1]
+        )
+        vector[known] = self.vector[shared] - across.T @ solved[:, -1]
         return information, vector
 
     def encode(self) -> bytes:
@@ -122,20 +126,20 @@ class ConstantsInformation:
 
 def _marginals(passes: Sequence[PassFactor], weight: Floats) -> tuple[Floats, Floats]:
     """Information (m, k, k) and vector (m, k) of each pass over the k ``CONSTANTS``; all over equally many knots."""
-    whole = weight[:, None, None] * np.array([p.information for p in passes])
+    weighted = weight[:, None, None] * np.array([p.information for p in passes])
     right = weight[:, None] * np.array([p.vector for p in passes])
-    n = whole.shape[1]
+    n = weighted.shape[1]
     knots, count = n - NUISANCES, len(CONSTANTS)
-    kept = np.arange(knots, knots + count)
+    nuisances = np.arange(knots, knots + count)
     gone = np.concatenate([np.arange(knots), np.arange(knots + count, n)])
     prior = np.full(len(gone), FREE_INFORMATION)
     prior[1:knots:2] = GRADE_SIGMA**-2
-    inside = whole[:, gone[:, None], gone] + np.diag(prior)
-    across = whole[:, gone[:, None], kept]
+    inside = weighted[:, gone[:, None], gone] + np.diag(prior)
+    across = weighted[:, gone[:, None], nuisances]
     solved = np.linalg.solve(inside, np.concatenate([across, right[:, gone, None]], axis=2))
     back = across.transpose(0, 2, 1) @ solved
-    information = whole[:, kept[:, None], kept] - back[:, :, :-1]
-    return 0.5 * (information + information.transpose(0, 2, 1)), right[:, kept] - back[:, :, -1]
+    information = weighted[:, nuisances[:, None], nuisances] - back[:, :, :-1]
+    return 0.5 * (information + information.transpose(0, 2, 1)), right[:, nuisances] - back[:, :, -1]
 
 
 def outside_blocks(

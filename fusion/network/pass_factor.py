@@ -147,13 +147,13 @@ def _packed(factors: Sequence[PassFactor]) -> list[bytes]:
     out = [b""] * len(factors)
     for mask in np.unique(masks):
         same = np.flatnonzero(masks == mask)
-        kept = np.flatnonzero(np.append(np.ones(vector.shape[1] - NUISANCES, bool), used[same[0]]))
-        row, column = _upper(len(kept))
+        columns = np.flatnonzero(np.append(np.ones(vector.shape[1] - NUISANCES, bool), used[same[0]]))
+        row, column = _upper(len(columns))
         parts = (
             numbers[same],
             np.full((len(same), 1), mask, float),
-            vector[np.ix_(same, kept)],
-            information[same[:, None], kept[row], kept[column]],
+            vector[np.ix_(same, columns)],
+            information[same[:, None], columns[row], columns[column]],
         )
         for k, one in zip(same, np.concatenate(parts, axis=1).astype("<f8"), strict=True):
             out[k] = one.tobytes()
@@ -166,11 +166,11 @@ def _unpacked(data: Sequence[bytes]) -> tuple[list[list[float]], Floats, Floats]
     used = (int(values[0, _HEAD]) & _BITS) > 0
     left = values.shape[1] - _HEAD - 1
     count = int((np.sqrt(9 + 8 * left) - 3) / 2 + 0.5)  # count + count (count + 1) / 2 numbers are left
-    kept = np.flatnonzero(np.concatenate([np.ones(count - int(used.sum()), bool), used]))
+    columns = np.flatnonzero(np.concatenate([np.ones(count - int(used.sum()), bool), used]))
     size = count - int(used.sum()) + NUISANCES
     vector, information = np.zeros((len(data), size)), np.zeros((len(data), size, size))
-    vector[:, kept] = values[:, _HEAD + 1 : _HEAD + 1 + count]
-    row, column = (kept[v] for v in np.triu_indices(count))
+    vector[:, columns] = values[:, _HEAD + 1 : _HEAD + 1 + count]
+    row, column = (columns[v] for v in np.triu_indices(count))
     information[:, row, column] = information[:, column, row] = values[:, _HEAD + 1 + count :]
     return values[:, :_HEAD].tolist(), vector, information
 

@@ -115,7 +115,7 @@ class Profile:
 
 def published(
     u: RoadUnknowns,
-    said: DriveBeliefs,
+    beliefs: DriveBeliefs,
     model: TerrainBlocks | None,
     solution: Solution,
     roughness: Floats,
@@ -134,14 +134,14 @@ def published(
                 np.sum(moved * x, axis=1) ** 2 + np.einsum("mi,mij,mj->m", moved, covariance, moved)
             )
         slope[mine], sigma[mine] = 100 * np.sum(rows * x, axis=1), 100 * np.sqrt(variance)
-    passes = _passes(said, solution)
+    passes = _passes(beliefs, solution)
     share, observations = _driven(passes, u.length_m)
     accepted, rejected = (
         np.bincount(passes.segment[v], passes.count[v], minlength=n).astype(np.int64)
         for v in (passes.accepted, ~passes.accepted)
     )
-    lags = {d: float(solution.x[q.lag]) for d, q in said.unknowns.items() if q.lag is not None}
-    mean = np.nan if said.lag_mean is None else float(solution.x[said.lag_mean])
+    lags = {d: float(solution.x[q.lag]) for d, q in beliefs.unknowns.items() if q.lag is not None}
+    mean = np.nan if beliefs.lag_mean is None else float(solution.x[beliefs.lag_mean])
     unknown = ~np.isfinite(slope + sigma)
     heights = _node_heights(u, solution)
     heights[:, unknown | ~(heights[2] < KNOWN_SIGMA_M)] = np.nan
@@ -194,11 +194,11 @@ class _Passes:
     """How many passes each is: one, or those of a sum"""
 
 
-def _passes(said: DriveBeliefs, solution: Solution) -> _Passes:
-    members = [(d, said.passes[d][k]) for group, _, _, _ in said.groups for d, k in group]
+def _passes(beliefs: DriveBeliefs, solution: Solution) -> _Passes:
+    members = [(d, beliefs.passes[d][k]) for group, _, _, _ in beliefs.groups for d, k in group]
     rejected = [
         (misfit <= REJECT_SIGMAS**2) & (blocks.weight > 0)
-        for (_, blocks, _, _), misfit in zip(said.groups, said.misfits(solution), strict=True)
+        for (_, blocks, _, _), misfit in zip(beliefs.groups, beliefs.misfits(solution), strict=True)
     ]
     return _Passes(
         [(d, p.sequence) for d, p in members],
@@ -207,7 +207,7 @@ def _passes(said: DriveBeliefs, solution: Solution) -> _Passes:
         np.array([p.start_m for _, p in members], float),
         np.array([p.end_m for _, p in members], float),
         np.concatenate([np.empty(0, np.bool_), *rejected]),
-        np.concatenate([np.empty(0), *(blocks.weight for _, blocks, _, _ in said.groups)]),
+        np.concatenate([np.empty(0), *(blocks.weight for _, blocks, _, _ in beliefs.groups)]),
         np.array([max(p.condensed, 1) for _, p in members], np.int64),
     )
 

@@ -125,9 +125,9 @@ def gap_rows(network: RoadTable, driven: Bools, longest_m: float = LONGEST_GAP_M
         graph, directed=False, indices=anchors, limit=longest_m, min_only=True, return_predecessors=True
     )
     length = np.maximum(network.length_m, _SHORTEST_M)
-    whole = distance[start] + length + distance[end]
+    total_m = distance[start] + length + distance[end]
     # Where two anchors' reaches meet, the way between them goes through; the rest are blind alleys.
-    meets = open_rows[(whole[open_rows] <= longest_m) & (anchor[start] != anchor[end])[open_rows]]
+    meets = open_rows[(total_m[open_rows] <= longest_m) & (anchor[start] != anchor[end])[open_rows]]
     row_between = _rows_by_ends(start, end, length, open_rows)
     for row in meets.tolist():
         out[row] = True

@@ -115,8 +115,8 @@ class TerrainBlocks:
         """A sentence where the model stands out from itself."""
         if self.displaced is None:
             return []
-        row, found = self.displaced
-        return [found.said(float(network.lat0_deg[row]), float(network.lon0_deg[row]))]
+        row, outlier = self.displaced
+        return [outlier.said(float(network.lat0_deg[row]), float(network.lon0_deg[row]))]
 
     def _displaced(self, solution: Solution) -> tuple[int, Displaced] | None:
         """The worst of all networks of driven roads that hang together: heights do not carry from one to another."""
@@ -126,13 +126,13 @@ class TerrainBlocks:
         _, part = sparse.csgraph.connected_components(joined, directed=False)
         driven = np.flatnonzero(self._driven[self._row])
         part = part[u.start_node[self._row[driven]]]
-        found = []
+        sentences = []
         for number in np.unique(part).tolist():
             mine = driven[part == number]
             one = displaced(above[mine], self.spacing_m[mine])
             if one is not None:
-                found.append((int(self._row[mine[one.where][0]]), one))
-        return max(found, key=lambda one: one[1].length_m, default=None)
+                sentences.append((int(self._row[mine[one.where][0]]), one))
+        return max(sentences, key=lambda one: one[1].length_m, default=None)
 
     def _step_variance(self) -> Floats:
         return np.asarray(2 * self.sigma_m**2 * np.sinh(self.spacing_m / self.length_m))

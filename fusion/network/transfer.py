@@ -58,16 +58,16 @@ class Carrying:
         """The pass over the new ``segment``."""
         onto = self._unknowns
         knots, size = onto.shape
-        whole = np.zeros((knots + NUISANCES, size + NUISANCES))
-        whole[:knots, :size] = onto
-        whole[knots:, size:] = np.eye(NUISANCES)
-        information = whole.T @ factor.information @ whole
+        transform = np.zeros((knots + NUISANCES, size + NUISANCES))
+        transform[:knots, :size] = onto
+        transform[knots:, size:] = np.eye(NUISANCES)
+        information = transform.T @ factor.information @ transform
         driven = sorted(self._place(x) for x in (factor.start_m, factor.end_m))
         return replace(
             factor,
             segment=segment,
             information=0.5 * (information + information.T),
-            vector=whole.T @ factor.vector,
+            vector=transform.T @ factor.vector,
             start_m=driven[0],
             end_m=driven[1],
         )

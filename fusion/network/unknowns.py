@@ -54,8 +54,8 @@ class DriveUnknowns:
 
     def __init__(self, passes: Sequence[PassFactor], begin: int) -> None:
         self.begin = begin
-        said = [p.information.diagonal()[-NUISANCES:] for p in passes]
-        used = np.array(said, float).reshape(-1, NUISANCES) > 0
+        informations = [p.information.diagonal()[-NUISANCES:] for p in passes]
+        used = np.array(informations, float).reshape(-1, NUISANCES) > 0
         setting_of = {
             name: np.array([getattr(p, name) for p in passes], np.int64) for name in set(SETTINGS.values())
         }

@@ -128,7 +128,7 @@ def changes_of(time_s: Floats, north_mps: Floats, east_mps: Floats, down_mps: Fl
     middle = 0.5 * (speed[begin] + speed[end])
     lasted = time[end] - time[begin]
     slope = -0.5 * (down[begin] + down[end]) / np.maximum(middle, MIN_SPEED_MPS)
-    found = Changes(
+    changes = Changes(
         time[begin],
         time[end],
         speed[end] - speed[begin],
@@ -137,7 +137,9 @@ def changes_of(time_s: Floats, north_mps: Floats, east_mps: Floats, down_mps: Fl
         middle,
         blocks_of(time[begin], BLOCK_S),
     )
-    return found.take((lasted < 1.2 * step * apart) & (np.minimum(speed[begin], speed[end]) > MIN_SPEED_MPS))
+    return changes.take(
+        (lasted < 1.2 * step * apart) & (np.minimum(speed[begin], speed[end]) > MIN_SPEED_MPS)
+    )
 
 
 def time_lag(changes: Changes, cues: Sequence[Cue]) -> Estimate:

@@ -119,8 +119,8 @@ def speed_pressure(log: DriveLog, speed_time: Floats, speed: Floats) -> Estimate
     for known in (time, speed_time):
         right = np.clip(np.searchsorted(known, at), 1, len(known) - 1)
         keep &= known[right] - known[right - 1] < HOLE_S
-    found = _share(at[keep], columns[:, keep]).with_floor(SPEED_PRESSURE_FLOOR)
-    return found if abs(found.value) < MOST_SPEED_PRESSURE else NOTHING
+    estimate = _share(at[keep], columns[:, keep]).with_floor(SPEED_PRESSURE_FLOOR)
+    return estimate if abs(estimate.value) < MOST_SPEED_PRESSURE else NOTHING
 
 
 def set_right_share(share: Estimate) -> float:
@@ -133,11 +133,11 @@ def _share(at: Floats, columns: Floats) -> Estimate:
     if len(at) < 2:
         return NOTHING
     apart = max(1, round(SPAN_S / float(np.median(np.diff(at)))))
-    whole = at[apart:] - at[:-apart] < 1.2 * SPAN_S
-    change = (columns[:, apart:] - columns[:, :-apart])[:, whole]
+    unbroken = at[apart:] - at[:-apart] < 1.2 * SPAN_S
+    change = (columns[:, apart:] - columns[:, :-apart])[:, unbroken]
     if not change.size:
         return NOTHING
-    block = blocks_of(at[:-apart][whole], BLOCK_S)
+    block = blocks_of(at[:-apart][unbroken], BLOCK_S)
     near = inliers(change, block)
 
     def share(total: Floats) -> float:

@@ -45,13 +45,13 @@ def pass_factors(
     summed = likelihoods(data, path, walk, _times_of(epochs, learned, DRIFT))
     mount = _mount(path, _times_of(epochs, learned, MOUNT))
     length, scale = segment_lengths(path)
-    match, found, place = path.match, [], _place(path)
+    match, factors, place = path.match, [], _place(path)
     for k in np.flatnonzero(_usable(path)).tolist():
         information, vector = summed.of(k)
         weight = float(match.confidence[k])
         low, high = sorted((float(match.enter_m[k] * scale[k]), float(match.leave_m[k] * scale[k])))
         rows = slice(int(data.first[k]), int(data.first[k + 1]))
-        found.append(
+        factors.append(
             PassFactor(
                 segment=int(match.segment[k]),
                 sequence=k,
@@ -71,7 +71,7 @@ def pass_factors(
                 lag_s=altimeter.lag_s,
             )
         )
-    return found
+    return factors
 
 
 def place_sigma(path: DrivenPath, fix: GnssFix) -> tuple[Floats, Floats]:
@@ -88,10 +88,12 @@ def place_sigma(path: DrivenPath, fix: GnssFix) -> tuple[Floats, Floats]:
         middle = 0.5 * (match.enter_time_s + match.leave_time_s)
         radius = np.interp(middle, fix.time_s[stated], fix.h_acc_m[stated])
     axis = np.clip(radius / np.sqrt(2), *PLACE_BOUNDS_M)
-    kept = np.exp(-np.maximum(match.leave_time_s - match.enter_time_s, 0.0) / PLACE_TAU_S)
+    correlation = np.exp(-np.maximum(match.leave_time_s - match.enter_time_s, 0.0) / PLACE_TAU_S)
     heading = path.network.heading_rad[match.segment] + np.where(match.forward, 0.0, np.pi)
     along = np.column_stack([np.cos(heading), np.sin(heading)])
-    return np.asarray(axis * np.sqrt(1 - kept)), np.asarray((axis * np.sqrt(kept))[:, None] * along)
+    return np.asarray(axis * np.sqrt(1 - correlation)), np.asarray(
+        (axis * np.sqrt(correlation))[:, None] * along
+    )
 
 
 def _place(path: DrivenPath) -> Ints:

@@ -115,13 +115,13 @@ def expected_levels(
     variance = white_variance(measured, noise) / weight
     smoothed = linear_model(measured, epochs, noise, variance).smooth()
     second = _second_moment(smoothed, variance) * weight / variance_unit(measured)
-    found = {
+    levels = {
         name: float(np.sqrt(np.mean(second[measured.sensor == sensor])))
         for sensor, name in WHITE.items()
         if (measured.sensor == sensor).any()
     }
-    found |= {name: max(found[name], least) for name, least in _least().items() if name in found}
-    noise = noise.with_(**found)
+    levels |= {name: max(levels[name], least) for name, least in _least().items() if name in levels}
+    noise = noise.with_(**levels)
     square = normalised_square(smoothed, variance, white_variance(measured, noise))
     return noise, (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
 
@@ -158,10 +158,10 @@ def most_likely(
     names = [*white.values(), *rates]
     mean, sigma = np.array([_prior(n, start) for n in names]).T
     begin = np.log([getattr(noise, n) for n in names])
-    told = [2 * np.count_nonzero(measured.sensor == sensor) for sensor in white] + [
+    counts = [2 * np.count_nonzero(measured.sensor == sensor) for sensor in white] + [
         len(epochs.time_s) / 8
     ] * len(rates)
-    scale = np.sqrt(_SHARE_TOLD * np.array(told) + sigma**-2)
+    scale = np.sqrt(_SHARE_TOLD * np.array(counts) + sigma**-2)
     likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
 
     def at(step: Floats) -> Noise:
@@ -206,10 +206,10 @@ def log_sigmas(
         there = likelihood.at(noise.with_(**{names[k]: getattr(noise, names[k]) * np.exp(_BEND_STEP)}))[1]
         bend[row] = ((here - there) / _BEND_STEP)[free]
     sigma = sigma[free]
-    told, axes = np.linalg.eigh(0.5 * (bend + bend.T) * np.outer(sigma, sigma))
-    share = (axes**2) @ (1 / (1 + np.maximum(told, 0.0)))
-    found = dict(zip([names[k] for k in free], (sigma * np.sqrt(share)).tolist(), strict=True))
-    return {name: min(found.get(name, 0.0), MOST_UNCERTAIN) for name in names}
+    curvature, axes = np.linalg.eigh(0.5 * (bend + bend.T) * np.outer(sigma, sigma))
+    share = (axes**2) @ (1 / (1 + np.maximum(curvature, 0.0)))
+    sigmas = dict(zip([names[k] for k in free], (sigma * np.sqrt(share)).tolist(), strict=True))
+    return {name: min(sigmas.get(name, 0.0), MOST_UNCERTAIN) for name in names}
 
 
 def expected(noise: Noise, log_sigma: Mapping[str, float]) -> Noise:

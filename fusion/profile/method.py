@@ -181,8 +181,8 @@ def _in_steps(height_m: Floats) -> bool:
     """Whether heights come in the steps of a bicycle computer's files, ``COMPUTER_STEP_M``, and not in whole metres."""
     known = height_m[np.isfinite(height_m)] / COMPUTER_STEP_M
     off = np.abs(known - np.round(known)) > 0.01
-    whole = np.round(known) % round(1 / COMPUTER_STEP_M) == 0
-    return len(known) > 0 and bool(np.mean(off) < 0.01 and np.mean(whole) < 0.5)
+    on_grid = np.round(known) % round(1 / COMPUTER_STEP_M) == 0
+    return len(known) > 0 and bool(np.mean(off) < 0.01 and np.mean(on_grid) < 0.5)
 
 
 def _smooth(raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter) -> _Smoothed:

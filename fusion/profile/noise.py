@@ -81,17 +81,17 @@ def learn(
     measured: Measurements, epochs: SmootherEpochs, start: Noise, *, by_satellites: bool = True
 ) -> Learned:
     """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
-    found = _levels(measured, epochs, start)
-    noise, jumps, variance, smoothed = found.noise, found.jumps, found.variance, found.smoothed
+    levels = _levels(measured, epochs, start)
+    noise, jumps, variance, smoothed = levels.noise, levels.jumps, levels.variance, levels.smoothed
     filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
     every = np.ones(len(measured), bool), np.ones(len(measured))
     used, repeated = _apart(measured) if filtered else every
-    told = measured.take(used), replace(epochs, of_measurement=epochs.of_measurement[used])
+    chosen = measured.take(used), replace(epochs, of_measurement=epochs.of_measurement[used])
     if filtered:
-        noise = most_likely(*told, noise, start, found.weight[used], jumps)
-        variance = gaussian_variance(measured, noise) * repeated / found.weight
+        noise = most_likely(*chosen, noise, start, levels.weight[used], jumps)
+        variance = gaussian_variance(measured, noise) * repeated / levels.weight
         smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
-    likely = expected(noise, log_sigmas(*told, noise, start, found.weight[used], jumps))
+    likely = expected(noise, log_sigmas(*chosen, noise, start, levels.weight[used], jumps))
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
@@ -154,7 +154,7 @@ def _outlier_factor(square: Floats) -> Floats:
 
 def _with_jump(epochs: SmootherEpochs, smoothed: Smoothed, jumps: Jumps) -> Jumps:
     """The sudden changes known so far, and for each kind of state the clearest further one."""
-    found = list(jumps)
+    extended = list(jumps)
     for state in JUMP_SIGMA:
         known = [k for k, s in jumps if s == state]
         if len(known) >= MAX_JUMPS:
@@ -165,8 +165,8 @@ def _with_jump(epochs: SmootherEpochs, smoothed: Smoothed, jumps: Jumps) -> Jump
             score[np.abs(epochs.time_s - epochs.time_s[k]) < JUMP_SPACING_S] = 0.0
         k = int(np.argmax(score))
         if score[k] > JUMP_SCORE:
-            found.append((k, state))
-    return tuple(found)
+            extended.append((k, state))
+    return tuple(extended)
 
 
 def _shared(

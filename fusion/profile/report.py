@@ -65,12 +65,12 @@ def drive_report(
     without = {
         code: _without(measured, epochs, learned, code) for code in np.unique(measured.sensor).tolist()
     }
-    whole = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segment] for f in factors]
+    complete = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segment] for f in factors]
     report = {
         "matched_share": float(np.mean(path.matched)),
         "breaks": [{"time_s": float(b.time_s), "reason": b.reason} for b in match.breaks],
         "passes": len(factors),
-        "passes_of_part_of_a_segment": len(factors) - int(np.sum(whole)),
+        "passes_of_part_of_a_segment": len(factors) - int(np.sum(complete)),
         "passes_dropped_as_uncertain": int(np.count_nonzero(match.confidence < MIN_CONFIDENCE)),
         "noise": asdict(learned.noise),
         "own_speed_scale": ground_speed(log)[2],
@@ -80,8 +80,8 @@ def drive_report(
         "height_jumps_s": [float(epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
         "sensors": _contributions(measured, learned, without),
     }
-    said = _elevation_model(path, measured, epochs, without.get(TERRAIN))
-    return {**report, "warnings": [*_warnings(log, measured, report), *said]}
+    model_report = _elevation_model(path, measured, epochs, without.get(TERRAIN))
+    return {**report, "warnings": [*_warnings(log, measured, report), *model_report]}
 
 
 def _mount(measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> dict[str, Any] | None:
@@ -160,12 +160,12 @@ def _elevation_model(
         return []
     mine = np.flatnonzero(measured.sensor == TERRAIN)
     above = measured.value[mine] - without.mean[epochs.of_measurement[mine], HEIGHT]
-    found = displaced(above, np.full(len(mine), DEM_SPACING_M))
-    if found is None:
+    outliers = displaced(above, np.full(len(mine), DEM_SPACING_M))
+    if outliers is None:
         return []
-    row, _ = path.match.position_on(measured.along_m[mine[found.where][:1]])
+    row, _ = path.match.position_on(measured.along_m[mine[outliers.where][:1]])
     table, segment = path.network.table, int(path.match.segment[row[0]])
-    return [found.said(float(table.lat0_deg[segment]), float(table.lon0_deg[segment]))]
+    return [outliers.said(float(table.lat0_deg[segment]), float(table.lon0_deg[segment]))]
 
 
 def _grade_sigma(covariance: Floats) -> float:
@@ -174,40 +174,40 @@ def _grade_sigma(covariance: Floats) -> float:
 
 def _warnings(log: DriveLog, measured: Measurements, report: dict[str, Any]) -> list[str]:
     """Sentences that a driver can act on."""
-    said = []
+    sentences = []
     if report["matched_share"] < FEW_MATCHED:
-        said.append(
+        sentences.append(
             f"Only {report['matched_share']:.0%} of the positions lie on known roads. Import a newer map, or check "
             "the antenna's view of the sky."
         )
     factor = report["noise"]["doppler"]
     if (measured.sensor == DOPPLER).any() and not 1 / WRONG_ACCURACY < factor < WRONG_ACCURACY:
         wrong = "better" if factor < 1 else "worse"
-        said.append(
+        sentences.append(
             f"Vertical velocities are {max(factor, 1 / factor):.1f} times {wrong} than the accuracy that the log "
             "states (s_acc_mps); what they show was used. Check the column's unit."
         )
     mount = report["mount"]
     for move in mount["moves"] if mount else ():
-        said.append(
+        sentences.append(
             f"The sensor's mount moved by {move['change_deg']:+.1f} degrees at {_clock(move['time_s'])}. "
             "Fix it firmly to the vehicle."
         )
     if mount and np.radians(mount["sigma_deg"]) > LOOSE_MOUNT:
-        said.append(
+        sentences.append(
             f"The mount's tilt is known to {mount['sigma_deg']:.1f} degrees only, so pitch told little. Drive for "
             "longer, or record velocities and altitudes as well."
         )
-    said += [
+    sentences += [
         f"The GNSS height jumped at {_clock(t)}; slopes do not follow it." for t in report["height_jumps_s"]
     ]
     for name, sensor in report["sensors"].items():
         if sensor["outliers"] > MANY_OUTLIERS * sensor["measurements"]:
-            said.append(
+            sentences.append(
                 f"{sensor['outliers']} of {sensor['measurements']} measurements of '{name}' are far off and "
                 "were given little weight."
             )
-    return said
+    return sentences
 
 
 def _clock(time_s: float) -> str:

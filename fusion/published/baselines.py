@@ -116,12 +116,12 @@ class DemMethod:
         driven = np.unique(track.segment[track.segment >= 0])
         slope = dem_slopes(dem, network.table.subset(driven))
         sigma = _end_sigma_percent(network.length_m[driven], options)
-        found = [
+        slopes = [
             _end_slope(int(s), float(v), float(e), track.time_s[track.segment == s])
             for s, v, e in zip(driven, slope, sigma, strict=True)
             if np.isfinite(v)
         ]
-        return DriveResult(track, tuple(found), {})
+        return DriveResult(track, tuple(slopes), {})
 
 
 def _end_sigma_percent(length_m: Floats, options: DemOptions) -> Floats:

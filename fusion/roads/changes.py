@@ -121,13 +121,15 @@ def _same_nodes(
         waiting.setdefault((min(pair), max(pair)), []).append(old)
     for new in free.tolist():
         a, b, way = int(file.from_node[new]), int(file.to_node[new]), int(file.osm_way_id[new])
-        found = waiting.get((min(a, b), max(a, b)), [])
+        candidates = waiting.get((min(a, b), max(a, b)), [])
         # Of its own way first, then in its own direction.
-        for old in sorted(found, key=lambda k: (stored.osm_way_id[k] != way, stored.from_node[k] != a, k)):
+        for old in sorted(
+            candidates, key=lambda k: (stored.osm_way_id[k] != way, stored.from_node[k] != a, k)
+        ):
             back = bool(stored.from_node[old] != a)
             ends = ends_of(file, np.array([new]))[:, [2, 3, 0, 1] if back else [0, 1, 2, 3]]
             if ends_apart_m(ends_of(stored, np.array([old])), ends)[0] <= tolerance_m:
-                found.remove(old)
+                candidates.remove(old)
                 yield old, new, Change.REVERSED if back else Change.RENUMBERED
                 break
 
@@ -173,12 +175,12 @@ def _note_split_and_merged(stored: RoadTable, lost: Ints, file: RoadTable, free:
 
 def _chain(way: int, a: int, b: int, after: dict[tuple[int, int], int]) -> list[_Key]:
     """The segments by which a way goes from one node to another; none where it does not."""
-    found: list[_Key] = []
+    keys: list[_Key] = []
     node = a
-    while (way, node) in after and len(found) < _LONGEST_CHAIN:
+    while (way, node) in after and len(keys) < _LONGEST_CHAIN:
         following = after[way, node]
-        found.append((way, node, following))
+        keys.append((way, node, following))
         if following == b:
-            return found
+            return keys
         node = following
     return []

@@ -71,7 +71,7 @@ def segments_within(grid: SegmentGrid, x: float, y: float, radius: float) -> Int
     total = 0
     for row in range(low, high + 1):
         total += grid.start[row * grid.columns + last + 1] - grid.start[row * grid.columns + first]
-    found = np.empty(total, np.int64)
+    rows = np.empty(total, np.int64)
     count = 0
     for row in range(low, high + 1):
         begin, end = grid.start[row * grid.columns + first], grid.start[row * grid.columns + last + 1]
@@ -79,9 +79,9 @@ def segments_within(grid: SegmentGrid, x: float, y: float, radius: float) -> Int
             s = grid.items[k]
             _, px, py = project_point(grid.x0[s], grid.y0[s], grid.x1[s], grid.y1[s], x, y)
             if (px - x) ** 2 + (py - y) ** 2 <= radius * radius:
-                found[count] = s
+                rows[count] = s
                 count += 1
-    return np.unique(found[:count])
+    return np.unique(rows[:count])
 
 
 @compiled

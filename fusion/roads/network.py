@@ -62,8 +62,8 @@ class RoadNetwork:
         """Indices, ascending, of the segments no farther than ``radius_m`` from the point, shape (k,)."""
         if not (np.isfinite(x_m) and np.isfinite(y_m)) or radius_m < 0:
             return np.empty(0, np.int64)
-        found: Ints = segments_within(self.grid, float(x_m), float(y_m), float(radius_m))
-        return found
+        rows: Ints = segments_within(self.grid, float(x_m), float(y_m), float(radius_m))
+        return rows
 
     def project_points(
         self, x_m: ArrayLike, y_m: ArrayLike, segment: ArrayLike

@@ -146,8 +146,8 @@ def _nearest(graph: RoadGraph, value: Floats, wanted: Bools) -> Floats:
     narrow = np.cos(np.radians(np.clip(np.mean(graph.lat_deg), -89.0, 89.0)))
     place = np.column_stack([graph.lon_deg * narrow, graph.lat_deg])
     known = np.flatnonzero(np.isfinite(value))
-    _, found = KDTree(place[known]).query(place[wanted])
-    return np.asarray(value[known[found]])
+    _, nearest = KDTree(place[known]).query(place[wanted])
+    return np.asarray(value[known[nearest]])
 
 
 def _laplacian(graph: RoadGraph, weight: Floats) -> sparse.csr_matrix:

@@ -53,24 +53,24 @@ def apply_changes(kept: Path, changes: Path, target: Path, bounds_deg: Box) -> N
     Ways that are new are taken where they have a node in the box. Nodes that neither file has stay missing. Raises
     ``RoadsError`` for changes that cannot be read.
     """
-    whole = target.with_name(f"whole-{target.name}")
+    merged = target.with_name(f"whole-{target.name}")
     bounded_format(changes)
     content = changes.read_bytes()
     try:
         merge = osmium.MergeInputReader()
         merge.add_buffer(content, "osc.gz" if content.startswith(b"\x1f\x8b") else "osc")
         with osmium.io.Reader(str(kept)) as reader:
-            writer = osmium.io.Writer(str(whole), overwrite=True)
+            writer = osmium.io.Writer(str(merged), overwrite=True)
             try:
                 merge.apply_to_reader(reader, writer)
             finally:
                 writer.close()
         known = {way.id for way in osmium.FileProcessor(str(kept), osmium.osm.WAY)}
-        _write_sorted(osmium.io.File(str(whole)), target, bounds_deg, known)
+        _write_sorted(osmium.io.File(str(merged)), target, bounds_deg, known)
     except BROKEN as error:
         raise _damaged(changes, error) from error
     finally:
-        whole.unlink(missing_ok=True)
+        merged.unlink(missing_ok=True)
 
 
 def _write_sorted(file: Any, target: Path, bounds_deg: Box | None, known: set[int]) -> None:
@@ -111,13 +111,13 @@ def _require_number(thing: Any) -> None:
 
 def _nodes_within(file: Any, box: Box) -> Any:
     west, south, east, north = box
-    found = osmium.IdTracker()
+    nodes = osmium.IdTracker()
     for node in osmium.FileProcessor(file, osmium.osm.NODE):
         _require_number(node)
         place = getattr(node, "location")  # noqa: B009 - only nodes come, which the type does not say
         if place.valid() and west <= place.lon <= east and south <= place.lat <= north:
-            found.add_node(node.id)
-    return found
+            nodes.add_node(node.id)
+    return nodes
 
 
 def _damaged(path: Path, error: Exception) -> RoadsError:

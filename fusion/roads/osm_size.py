@@ -59,24 +59,24 @@ def _pbf_sizes(file: BinaryIO) -> Iterator[int]:
             raise ValueError("a header of a blob is too large")
         data_bytes = _numbers(file.read(size)).get(_DATA_SIZE, 0)
         begins = file.tell()
-        said = _numbers(file.read(min(data_bytes, _HEADER_BYTES)))
-        yield max(said.get(_RAW_SIZE, 0), data_bytes)
+        header = _numbers(file.read(min(data_bytes, _HEADER_BYTES)))
+        yield max(header.get(_RAW_SIZE, 0), data_bytes)
         file.seek(begins + data_bytes)
 
 
 def _numbers(message: bytes) -> dict[int, int]:
     """The numbers among the fields of a protocol buffer, as far as it is there; blocks of bytes are passed over."""
-    found, at = {}, 0
+    fields, at = {}, 0
     while at < len(message):
         key, at = _varint(message, at)
         value, at = _varint(message, at)
         if key & 7 == 2:
             at += value
         elif key & 7 == 0:
-            found[key >> 3] = value
+            fields[key >> 3] = value
         else:
             raise ValueError("a field of a blob is of no known kind")
-    return found
+    return fields
 
 
 def _varint(message: bytes, at: int) -> tuple[int, int]:

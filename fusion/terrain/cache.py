@@ -44,21 +44,21 @@ class DemCache:
         with self._lock:
             if self._closed:
                 raise ValueError("the elevation model is closed")
-            found: T = self._blocks.get(key, read)
-            return found
+            block: T = self._blocks.get(key, read)
+            return block
 
     def local_grid(self, key: Hashable, make: Callable[[], T]) -> T:
         """What ``make`` computed before, or computes now."""
         with self._lock:
-            found: T = self._local_grids.get(key, make)
-            return found
+            local_grid: T = self._local_grids.get(key, make)
+            return local_grid
 
     def close(self) -> None:
         """Close every file and forget everything."""
         with self._lock:
             self._closed = True
-            for kept in (self._files, self._blocks, self._local_grids):
-                kept.clear()
+            for cache in (self._files, self._blocks, self._local_grids):
+                cache.clear()
 
 
 class _LruCache(Generic[T]):

@@ -37,10 +37,10 @@ def datum_of_network(logs: Iterable[str | None], dem: str | None, control: bool 
     measured = sorted(known - {STANDARD_ATMOSPHERE})
     model = None if dem is None else f"the elevation model's datum ({dem})"
     if len(measured) > 1:
-        said = f"no single datum, for the logs differ: {', '.join(measured)}"
+        datum = f"no single datum, for the logs differ: {', '.join(measured)}"
     else:
-        said = " and ".join([*measured, *([model] if model else [])])
-    said = said or (STANDARD_ATMOSPHERE if known else "")
+        datum = " and ".join([*measured, *([model] if model else [])])
+    datum = datum or (STANDARD_ATMOSPHERE if known else "")
     if control:
-        return f"{CONTROL} near these, elsewhere {said}" if said else CONTROL
-    return said or None
+        return f"{CONTROL} near these, elsewhere {datum}" if datum else CONTROL
+    return datum or None

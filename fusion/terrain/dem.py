@@ -155,19 +155,21 @@ class Dem:
         for mosaic in self._mosaics:
             if not len(todo):
                 break
-            found = mosaic.heights(*mosaic.grid_coordinates(lon_deg[todo], lat_deg[todo]))
-            known = np.isfinite(found)
+            sampled = mosaic.heights(*mosaic.grid_coordinates(lon_deg[todo], lat_deg[todo]))
+            known = np.isfinite(sampled)
             part = np.zeros(len(begun), bool)
             part[line[todo[~known]]] = True
-            whole = ~part[line[todo]]
-            heights[todo[whole]] = found[whole]
-            self._fill_lines(heights, line, todo[known & ~whole], found[known & ~whole], mosaic, begun)
-            todo = todo[~whole]
+            complete = ~part[line[todo]]
+            heights[todo[complete]] = sampled[complete]
+            self._fill_lines(
+                heights, line, todo[known & ~complete], sampled[known & ~complete], mosaic, begun
+            )
+            todo = todo[~complete]
         return heights
 
     @staticmethod
     def _fill_lines(
-        heights: Floats, line: Ints, places: Ints, found: Floats, mosaic: Mosaic, begun: list[str | None]
+        heights: Floats, line: Ints, places: Ints, heights_m: Floats, mosaic: Mosaic, begun: list[str | None]
     ) -> None:
         """Write what is found where lines have nothing yet, and nothing of another datum."""
         datum = mosaic.rasters[0].datum
@@ -175,7 +177,7 @@ class Dem:
             begun[k] = begun[k] or datum
         mine = np.array([begun[k] == datum for k in line[places].tolist()], bool)
         empty = mine & np.isnan(heights[places])
-        heights[places[empty]] = found[empty]
+        heights[places[empty]] = heights_m[empty]
 
     def sources_at(self, lon_deg: ArrayLike, lat_deg: ArrayLike) -> tuple[str, ...]:
         """Names of the rasters that give the heights at these WGS 84 degrees, in the order of ``names``.

@@ -81,9 +81,9 @@ def driver_of(path: Path) -> str:
 
 def refuse_files_of_proj(name: str, wkt: str) -> None:
     """Raise ``TerrainError`` for a coordinate reference system that names a file which PROJ would open."""
-    if found := _PROJ_FILE.search(wkt):
+    if match := _PROJ_FILE.search(wkt):
         raise TerrainError(
-            f"The coordinate reference system of {name} names a file ({found.group()[:60]}), which is not opened. Give "
+            f"The coordinate reference system of {name} names a file ({match.group()[:60]}), which is not opened. Give "
             "the raster in a common one, such as EPSG:4326."
         )
 

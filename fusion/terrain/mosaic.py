@@ -141,11 +141,11 @@ class Mosaic:
             np.int64
         )
         blocks, block_of = np.unique(posts // BLOCK_POSTS, axis=0, return_inverse=True)
-        found: set[int] = set()
+        tiles: set[int] = set()
         for k, (row, column) in enumerate(blocks.tolist()):
             r, c = (posts[block_of.ravel() == k] - np.array([row, column]) * BLOCK_POSTS).T
-            found.update(self._owners(row, column)[r, c].tolist())
-        return [self.rasters[k] for k in sorted(found - {_NOBODY})]
+            tiles.update(self._owners(row, column)[r, c].tolist())
+        return [self.rasters[k] for k in sorted(tiles - {_NOBODY})]
 
     def window(self, columns: range, rows: range) -> Floats:
         """The posts of these columns and rows, shape (rows, columns); NaN off the rasters and at voids."""

@@ -46,8 +46,8 @@ def pair(paths: Sequence[Path]) -> list[tuple[Path, Path | None]]:
 
 def quality_name(path: Path) -> str:
     """The name under which the quality layer of elevations is looked for first, beside them."""
-    found = _NAME.fullmatch(path.name)
-    return f"{found['tile']}_num{found['suffixes']}" if found else ""
+    match = _NAME.fullmatch(path.name)
+    return f"{match['tile']}_num{match['suffixes']}" if match else ""
 
 
 def with_quality(raster: Raster, path: Path | None) -> Raster:
@@ -74,24 +74,24 @@ def read_scenes(raster: Raster, dataset: Any, row: int, column: int, rows: int, 
 
 
 def _kind(path: Path) -> str:
-    found = _NAME.fullmatch(Path(path).name)
-    return found["kind"].lower() if found else ""
+    match = _NAME.fullmatch(Path(path).name)
+    return match["kind"].lower() if match else ""
 
 
 def _tile(path: Path) -> str:
-    found = _NAME.fullmatch(Path(path).name)
-    return found["tile"].casefold() if found else ""
+    match = _NAME.fullmatch(Path(path).name)
+    return match["tile"].casefold() if match else ""
 
 
 def _beside(path: Path) -> Path | None:
     """The quality layer in the raster's folder, its name spelled as the raster's or all in one case."""
-    found = _NAME.fullmatch(Path(path).name)
-    if found is None or found["kind"].lower() != "dem":
+    match = _NAME.fullmatch(Path(path).name)
+    if match is None or match["kind"].lower() != "dem":
         return None
-    plain = re.sub(r"\.gz$", "", found["suffixes"], flags=re.IGNORECASE)
-    for suffixes in dict.fromkeys((found["suffixes"], plain, f"{plain}.gz", plain.lower(), plain.upper())):
+    plain = re.sub(r"\.gz$", "", match["suffixes"], flags=re.IGNORECASE)
+    for suffixes in dict.fromkeys((match["suffixes"], plain, f"{plain}.gz", plain.lower(), plain.upper())):
         for kind in ("num", "NUM"):
-            candidate = Path(path).with_name(f"{found['tile']}_{kind}{suffixes}")
+            candidate = Path(path).with_name(f"{match['tile']}_{kind}{suffixes}")
             if candidate.is_file():
                 return candidate
     return None

@@ -61,9 +61,9 @@ def add(
             raise BadRequestError(
                 f"There are {MOST} webhooks already. Remove one that is not needed any more."
             )
-        told = version_text(session, horizon(session)) if SEGMENTS_CHANGED in wish.events else None
+        version = version_text(session, horizon(session)) if SEGMENTS_CHANGED in wish.events else None
         box = None if wish.bbox is None else (wish.bbox[0], wish.bbox[1], wish.bbox[2], wish.bbox[3])
-        row = store.add_webhook(session, wish.url, secret, wish.events, box, told)
+        row = store.add_webhook(session, wish.url, secret, wish.events, box, version)
     response.headers["Location"] = f"{base}/v1/webhooks/{row.id}"
     response.headers["Cache-Control"] = "no-store"
     return WebhookCreated(**Webhook.of(row, _links(base, row.id)).model_dump(), secret=secret)
@@ -114,8 +114,8 @@ def change(
         row: WebhookRow = found(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         changed = row._replace(**changes)
         follows = SEGMENTS_CHANGED in changed.events
-        told = (row.reported_version or version_text(session, horizon(session))) if follows else None
-        row = store.change_webhook(session, changed._replace(reported_version=told))
+        version = (row.reported_version or version_text(session, horizon(session))) if follows else None
+        row = store.change_webhook(session, changed._replace(reported_version=version))
     return Webhook.of(row, _links(base, row.id))
 
 

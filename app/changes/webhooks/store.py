@@ -272,8 +272,8 @@ def last_deliveries(session: Session, webhook_id: uuid.UUID, limit: int) -> list
 
 def announce_drive(session: Session, event: str, drive_id: uuid.UUID, data: Mapping[str, Any]) -> None:
     """Tell all who ask for it of a drive, in the session's transaction."""
-    told = json.dumps(plain_json({"drive_id": str(drive_id), **data}))
-    session.execute(_ANNOUNCE_DRIVE, {"event": event, "drive_id": drive_id, "data": told})
+    payload = json.dumps(plain_json({"drive_id": str(drive_id), **data}))
+    session.execute(_ANNOUNCE_DRIVE, {"event": event, "drive_id": drive_id, "data": payload})
 
 
 def forget_drives(session: Session, drive_ids: Collection[uuid.UUID]) -> None:

@@ -47,8 +47,8 @@ def span(name: str, *, server: bool = False, parent: str | None = None, **facts:
     if _tracer is None:
         yield _NO_SPAN
         return
-    with _tracer.span(name, server, parent, {**present_ids(), **facts}) as made:
-        yield made
+    with _tracer.span(name, server, parent, {**present_ids(), **facts}) as span:
+        yield span
 
 
 def traceparent() -> str | None:

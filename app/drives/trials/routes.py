@@ -271,8 +271,8 @@ def _measurements_answer(
     with service.reading() as session:
         trial, result = _done(session, drive_id, trial_id)
         profile = _profile(session, result)
-    said = None if result.measurements is None else tracks.decode_measurements(result.measurements)
-    text = measurements_text(_ids(trial), measurements_json(profile, said, points))
+    measurements = None if result.measurements is None else tracks.decode_measurements(result.measurements)
+    text = measurements_text(_ids(trial), measurements_json(profile, measurements, points))
     return Response(text, media_type=JSON)
 
 

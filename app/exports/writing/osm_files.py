@@ -215,10 +215,10 @@ def _places(files: Sequence[Path], node: Ints) -> tuple[Floats, Floats]:
         for f in reversed(files)  # the file in front has the last word
     ]
     for processor in files_in_turn:
-        for found in processor:
-            place = getattr(found, "location")  # noqa: B009 - only nodes come, which the type does not say
+        for element in processor:
+            place = getattr(element, "location")  # noqa: B009 - only nodes come, which the type does not say
             if place.valid():
-                number.append(found.id)
+                number.append(element.id)
                 x.append(place.lon)
                 y.append(place.lat)
     lon, lat = np.full(len(node), np.nan), np.full(len(node), np.nan)

@@ -183,9 +183,9 @@ def parse_sortby(text: str, collection: Collection) -> list[SortKey]:
     return keys
 
 
-def digest_of(*said: Any) -> str:
+def digest_of(*parts: Any) -> str:
     """A short text that tells queries apart."""
-    raw = hashlib.sha256(dumps(said).encode()).digest()[:_DIGEST_BYTES]
+    raw = hashlib.sha256(dumps(parts).encode()).digest()[:_DIGEST_BYTES]
     return base64.urlsafe_b64encode(raw).decode("ascii")
 
 

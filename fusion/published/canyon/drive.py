@@ -150,27 +150,27 @@ def simulate_canyon(
     sight = trace(fronts, sky.epoch, ride.local_m, ride.local_mps, sky.elevation_rad, sky.azimuth_rad)
     interval_s = float(np.median(np.diff(ride.time_s))) if len(ride) > 1 else 1.0
     got = receive(sky, sight, fronts, radio, interval_s, rng)
-    kept = got.kept if has_gnss is None else got.kept & has_gnss[sky.epoch]
+    tracked = got.kept if has_gnss is None else got.kept & has_gnss[sky.epoch]
     bias = system_biases(sky.system, radio, rng)
     return CanyonDrive(
         ride=ride,
         fronts=fronts,
         navigation=navigation,
-        sky=_taken(sky, kept),
+        sky=_taken(sky, tracked),
         clock=run_clock(len(ride), interval_s, radio, rng),
-        state=sight.state[kept],
-        cn0_dbhz=got.cn0_dbhz[kept],
-        error_m=got.error_m[kept],
-        error_mps=got.error_mps[kept],
-        system_bias_m=np.array([bias[s] for s in sky.system[kept].tolist()], float),
+        state=sight.state[tracked],
+        cn0_dbhz=got.cn0_dbhz[tracked],
+        error_m=got.error_m[tracked],
+        error_mps=got.error_mps[tracked],
+        system_bias_m=np.array([bias[s] for s in sky.system[tracked].tolist()], float),
         above=np.diff(sky.first),
     )
 
 
-def _taken(sky: Sky, kept: Bools) -> Sky:
+def _taken(sky: Sky, tracked: Bools) -> Sky:
     """The rows that a mask selects; epochs stay, if without rows."""
-    counts = np.bincount(sky.epoch[kept], minlength=len(sky.first) - 1)
-    columns = {s.name: getattr(sky, s.name)[kept] for s in fields(Sky) if s.name != "first"}
+    counts = np.bincount(sky.epoch[tracked], minlength=len(sky.first) - 1)
+    columns = {s.name: getattr(sky, s.name)[tracked] for s in fields(Sky) if s.name != "first"}
     return Sky(first=np.append(0, np.cumsum(counts)), **columns)
 
 

@@ -96,9 +96,9 @@ def receive(
     echo = np.isfinite(sight.detour_m)
     error = radio.noise_m * weak * rng.normal(size=n) + np.where(echo, 1.0, _QUIET_SHARE) * slow
     rate = radio.doppler_mps * weak * rng.normal(size=n)
-    kept = (reflected | (sight.state == LOS)) & (cn0 >= radio.lost_below_dbhz)
+    tracked = (reflected | (sight.state == LOS)) & (cn0 >= radio.lost_below_dbhz)
     return Reception(
-        kept=kept,
+        kept=tracked,
         cn0_dbhz=cn0,
         error_m=error + np.where(reflected, sight.detour_m, 0.0),
         error_mps=rate + np.where(reflected, sight.detour_mps, 0.0),

@@ -60,12 +60,12 @@ def estimate_mount(epochs: Epochs) -> MountPitch:
 
     Returns grade 0 with infinite sigma where the drive holds neither or never moves.
     """
-    found = [e for e in (_from_doppler(epochs), _from_altitude(epochs)) if e.known and e.sigma > 0]
-    if not found:
+    estimates = [e for e in (_from_doppler(epochs), _from_altitude(epochs)) if e.known and e.sigma > 0]
+    if not estimates:
         return MountPitch(0.0, np.inf, "none")
-    weight = np.array([1 / e.sigma**2 for e in found])
-    grade = float(np.sum(weight * [e.grade for e in found]) / weight.sum())
-    return MountPitch(grade, float(weight.sum() ** -0.5), " and ".join(e.source for e in found))
+    weight = np.array([1 / e.sigma**2 for e in estimates])
+    grade = float(np.sum(weight * [e.grade for e in estimates]) / weight.sum())
+    return MountPitch(grade, float(weight.sum() ** -0.5), " and ".join(e.source for e in estimates))
 
 
 def mount_report(mount: MountPitch) -> dict[str, object]:
@@ -107,11 +107,13 @@ def _from_altitude(epochs: Epochs) -> MountPitch:
     """Regress (altitude - integral of measured grade) on distance, stretch by stretch."""
     usable = np.isfinite(epochs.pitch_rad) & np.isfinite(epochs.speed_mps)
     breaks = np.flatnonzero(epochs.after_outage | ~usable)
-    found = [_stretch(epochs, part) for part in np.split(np.arange(len(epochs)), breaks) if len(part) >= 10]
-    weight = np.array([1 / e.sigma**2 for e in found if e.known])
+    stretches = [
+        _stretch(epochs, part) for part in np.split(np.arange(len(epochs)), breaks) if len(part) >= 10
+    ]
+    weight = np.array([1 / e.sigma**2 for e in stretches if e.known])
     if not len(weight):
         return MountPitch(0.0, np.inf, "none")
-    grade = float(np.sum(weight * [e.grade for e in found if e.known]) / weight.sum())
+    grade = float(np.sum(weight * [e.grade for e in stretches if e.known]) / weight.sum())
     return MountPitch(grade, float(weight.sum() ** -0.5), "altitude")
 
 

@@ -116,7 +116,7 @@ def segment_slopes(track: Track, covariance: AltitudeCovariance, rule: LineRule)
 
     ``distance_m`` grows from from_node to to_node, so the sign is right whichever way the vehicle went.
     """
-    found: dict[int, list[tuple[float, float, Index]]] = {}
+    lines: dict[int, list[tuple[float, float, Index]]] = {}
     known = np.isfinite(track.alt_m) & np.isfinite(track.distance_m) & ~(track.speed_mps < rule.min_speed_mps)
     for segment, epochs in passes(track, rule.max_break_s):
         usable = epochs[known[epochs]]
@@ -128,8 +128,8 @@ def segment_slopes(track: Track, covariance: AltitudeCovariance, rule: LineRule)
             continue
         variance = float(weights @ covariance(usable) @ weights)
         sigma = float(np.hypot(100.0 * np.sqrt(max(variance, 0.0)), rule.floor_percent))
-        found.setdefault(segment, []).append((slope, sigma, usable))
-    return tuple(_joined(segment, found[segment], track.time_s) for segment in sorted(found))
+        lines.setdefault(segment, []).append((slope, sigma, usable))
+    return tuple(_joined(segment, lines[segment], track.time_s) for segment in sorted(lines))
 
 
 def passes(track: Track, max_break_s: float) -> Iterator[tuple[int, Index]]:

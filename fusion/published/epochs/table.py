@@ -72,8 +72,8 @@ class Epochs:
     def take(self, keep: NDArray[np.bool_]) -> Epochs:
         """The epochs selected by a mask; an outage among those left out counts at the next one that is kept."""
         stretch = np.cumsum(self.after_outage)[keep]
-        kept = Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
-        return replace(kept, after_outage=np.diff(stretch, prepend=-1) > 0)
+        subset = Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
+        return replace(subset, after_outage=np.diff(stretch, prepend=-1) > 0)
 
     def with_fix(self) -> Epochs:
         """The epochs that have a position."""
@@ -150,11 +150,11 @@ def _epoch_times(log: DriveLog, period_s: float) -> Floats:
 
 def _thin(time_s: Floats, period_s: float) -> Floats:
     """Keep each time that is at least 0.95 periods after the last one kept."""
-    kept: list[float] = []
+    times: list[float] = []
     for t in time_s.tolist():
-        if not kept or t - kept[-1] >= 0.95 * period_s:
-            kept.append(t)
-    return np.array(kept)
+        if not times or t - times[-1] >= 0.95 * period_s:
+            times.append(t)
+    return np.array(times)
 
 
 def _nearest(table: SensorTable, time_s: Floats, within_s: float) -> dict[str, Floats]:

@@ -73,10 +73,10 @@ def read_ins(method: str, epochs: Epochs, options: GpsInsOptions) -> Ins:
     speed, speed_age = _held(speed, _elapsed(epochs), epochs.after_outage, options.hold_s)
     # A vehicle that stands does not turn: its heading does not age.
     moved_s = _elapsed(epochs, counts=~standing)
-    kept, heading_age = _held(heading, moved_s, epochs.after_outage, options.hold_s)
+    held, heading_age = _held(heading, moved_s, epochs.after_outage, options.hold_s)
     sigma = np.where(np.isfinite(heading), sigma, options.heading_sigma_rad)
-    sigma = np.hypot(sigma, _HEADING_CHANGE_RADPS * np.where(np.isfinite(kept), heading_age, 0.0))
-    return Ins(speed, speed_age, kept, sigma, heading_age, share, offset)
+    sigma = np.hypot(sigma, _HEADING_CHANGE_RADPS * np.where(np.isfinite(held), heading_age, 0.0))
+    return Ins(speed, speed_age, held, sigma, heading_age, share, offset)
 
 
 def _heading(epochs: Epochs, options: GpsInsOptions) -> tuple[Floats, Floats, dict[str, float], float]:

@@ -109,13 +109,13 @@ class PointMatcher(ABC):
 
     def on(self, network: RoadNetwork) -> Matching:
         """``match`` for many drives in one network, which is prepared once."""
-        found = self.prepare(network) if len(network) else None
+        match = self.prepare(network) if len(network) else None
 
         def matching(
             time_s: ArrayLike, x_m: ArrayLike, y_m: ArrayLike, heading_rad: ArrayLike
         ) -> PointMatches:
             samples = Samples.of(time_s, x_m, y_m, heading_rad)
-            return found(samples) if found else unmatched(len(samples))
+            return match(samples) if match else unmatched(len(samples))
 
         return matching
 
@@ -144,15 +144,15 @@ def unmatched(n: int) -> PointMatches:
 
 def placed(network: RoadNetwork, segment: Ints, share: Floats, forward: NDArray[np.bool_]) -> PointMatches:
     """Matches from segments (-1: none), the share of each at which the match lies (0..1) and its direction."""
-    s, found = np.maximum(segment, 0), segment >= 0
-    along = np.where(found, share, np.nan)
+    s, matched = np.maximum(segment, 0), segment >= 0
+    along = np.where(matched, share, np.nan)
     turned = network.heading_rad[s] + np.where(forward, 0.0, np.pi)
     return PointMatches(
         segment=segment,
         x_m=network.x0[s] + along * (network.x1[s] - network.x0[s]),
         y_m=network.y0[s] + along * (network.y1[s] - network.y0[s]),
         distance_m=along * network.length_m[s],
-        heading_rad=np.where(found, turned - 2 * np.pi * np.ceil((turned - np.pi) / (2 * np.pi)), np.nan),
+        heading_rad=np.where(matched, turned - 2 * np.pi * np.ceil((turned - np.pi) / (2 * np.pi)), np.nan),
         mahalanobis=np.full(len(segment), np.nan),
-        forward=forward & found,
+        forward=forward & matched,
     )

@@ -211,15 +211,15 @@ def _own_report(run: DriveRun, engine: OdometerMapFilter, options: OdometerMapOp
 
 def _outage_warnings(engine: OdometerMapFilter) -> list[str]:
     """What a driver should know of stretches that could be bridged badly only."""
-    found = []
+    rows = []
     if engine.blind["everything"]:
-        found.append(
+        rows.append(
             f"{engine.blind['everything']} epochs have no position, and neither wheel rotations nor a speed: the "
             "motion before and the map alone bridge them. Record wheel_left_rad and wheel_right_rad, or odo_speed_mps."
         )
     if engine.blind["turns"]:
-        found.append(
+        rows.append(
             f"{engine.blind['turns']} epochs have no position, and a speed but nothing that feels turns: where the "
             "vehicle turned off, the estimate went straight on. Record both wheels, a gyroscope or yaw."
         )
-    return found
+    return rows

@@ -93,9 +93,9 @@ def _steps(time_s: Floats, counter_rad: Floats, outages_s: Floats, epochs_s: Flo
     unknown = np.full(len(epochs_s), np.nan)
     if len(time_s) < 2:
         return unknown
-    whole = _unbroken(time_s, counter_rad, outages_s)
-    total = np.concatenate([[0.0], np.cumsum(np.where(whole, np.diff(counter_rad), 0.0))])
-    run = np.concatenate([[0], np.cumsum(~whole)])
+    unbroken = _unbroken(time_s, counter_rad, outages_s)
+    total = np.concatenate([[0.0], np.cumsum(np.where(unbroken, np.diff(counter_rad), 0.0))])
+    run = np.concatenate([[0], np.cumsum(~unbroken)])
     here = np.interp(epochs_s, time_s, total, left=np.nan, right=np.nan)
     before = np.clip(np.searchsorted(time_s, epochs_s, side="right") - 1, 0, None)
     after = np.clip(np.searchsorted(time_s, epochs_s, side="left"), None, len(time_s) - 1)
@@ -112,13 +112,13 @@ def _unbroken(time_s: Floats, counter_rad: Floats, outages_s: Floats) -> NDArray
     """
     step_s = np.diff(time_s)
     rate = np.diff(counter_rad) / step_s
-    whole = (step_s <= _LONGEST_STEPS * float(np.median(step_s))) & (np.abs(rate) <= _FASTEST_RADPS)
+    unbroken = (step_s <= _LONGEST_STEPS * float(np.median(step_s))) & (np.abs(rate) <= _FASTEST_RADPS)
     for outage in outages_s.tolist():
-        whole[(time_s[:-1] < outage) & (time_s[1:] >= outage)] = False
+        unbroken[(time_s[:-1] < outage) & (time_s[1:] >= outage)] = False
     if len(rate) > 1:
         around_s = 0.5 * (step_s[1:] + step_s[:-1])
         change = np.abs(np.diff(rate)) > _QUICKEST_RADPS2 * around_s + _JITTER_RAD / around_s
         # The first and the last step have one neighbour, which decides alone.
         from_left, from_right = np.concatenate([change[:1], change]), np.concatenate([change, change[-1:]])
-        whole &= ~(from_left & from_right)
-    return whole
+        unbroken &= ~(from_left & from_right)
+    return unbroken

@@ -126,5 +126,5 @@ def window_distances(sample: Floats, window: int, names: tuple[str, ...], step: 
     """
     begins = range(0, len(sample) - window + 1, step)
     parts = [sample[k : k + window] for k in begins]
-    found = [[ks_statistic(part, fit_law(name, part)) for name in names] for part in parts]
-    return np.array(found, float).reshape(-1, len(names))
+    statistics = [[ks_statistic(part, fit_law(name, part)) for name in names] for part in parts]
+    return np.array(statistics, float).reshape(-1, len(names))

@@ -109,10 +109,10 @@ def _win_rates(series: list[Floats]) -> list[WinRate]:
     names = tuple(dict.fromkeys(name for pair in PAIRS for name in pair))
     out = []
     for window in WINDOWS:
-        found = [
+        tests = [
             window_distances(s, window, names, max(1, (len(s) - window) // _MOST_WINDOWS)) for s in series
         ]
-        distance = dict(zip(names, np.concatenate([np.empty((0, len(names))), *found]).T, strict=True))
+        distance = dict(zip(names, np.concatenate([np.empty((0, len(names))), *tests]).T, strict=True))
         for law, other in PAIRS:
             wins = distance[law] < distance[other]
             out.append(WinRate(window, law, other, float(wins.mean()) if len(wins) else float("nan")))
