@@ -36,9 +36,9 @@ test: setup  ## every test but the long ones, on a private PostGIS, the pages' i
 	@.ci/prepare chromium
 	@$(BIN)/python -m pytest $(SPREAD) -m "not long"
 
-test-all: setup  ## every test, also what is long by nature: fuzzers, a soak, the rarest laws of chance
+test-all: setup  ## every test, also what is long by nature: a soak, and fuzzers for a minute each
 	@.ci/prepare chromium
-	@$(BIN)/python -m pytest $(SPREAD) --timeout=0
+	@FUZZ_SECONDS=$(or $(FUZZ),60) $(BIN)/python -m pytest $(SPREAD) --timeout=0
 
 coverage: setup  ## which lines and branches the tests reach, in build/coverage/index.html
 	@.ci/prepare chromium

@@ -22,7 +22,7 @@ from app.map.items.filters import MOST_SQL_CHARACTERS
 from app.map.items.operators import ARITHMETIC, COMPARED, OF_TEXTS, SPATIAL, TEMPORAL
 from app.map.items.request import parse_items
 from app.map.items.store import page
-from fuzz_support import LONG, first_seed, rounds
+from fuzz_support import first_seed, rounds
 from items_support import Items
 
 LONGEST_S = 5.0
@@ -170,7 +170,6 @@ def peak_bytes(pid: int) -> int:
     return 1024 * int(status.partition("VmHWM:")[2].split()[0])
 
 
-@LONG
 def test_filters_by_the_grammar_are_answered_or_refused_within_bounds(items: Items) -> None:
     begin = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     answered = refused = 0

@@ -13,14 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from fuzz_support import FUZZ_SECONDS, LONG, fuzz_s
+from fuzz_support import FUZZ_SECONDS, fuzz_s
 from reader_fuzz import READERS, mutated
 
 ROOT = Path(__file__).parents[2]
 SHARE = 1 / len(READERS)
 
 
-@LONG
 @pytest.mark.parametrize("reader", READERS)
 def test_whatever_a_file_holds_the_reader_answers(reader: str) -> None:
     # The same inputs in each run of the suite, others whenever somebody asks for more.

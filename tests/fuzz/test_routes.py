@@ -22,7 +22,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.errors import Unsatisfiable
 from schemathesis import APIOperation, Case, GenerationMode
 
-from fuzz_support import LONG, first_seed, rounds
+from fuzz_support import first_seed, rounds
 from web_fixtures import Web
 
 pytestmark = pytest.mark.filterwarnings("default")  # what the drawing library and its parts warn of is theirs
@@ -127,7 +127,6 @@ def _things(document: Any) -> Iterator[Any]:
                 yield from (one["id"] for one in value if isinstance(one, dict) and "id" in one)
 
 
-@LONG
 def test_no_route_fails_or_hangs_whatever_it_is_asked(filled: Web, drive_maker: Any) -> None:
     for slope_percent in (3.0, -1.0):
         drive_maker(filled.sessions, [0, 1, 2, 3], slope_percent)

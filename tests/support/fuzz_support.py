@@ -1,4 +1,4 @@
-"""How long the fuzzers of ``tests/fuzz`` go on: as long as asked under ``make fuzz``, seconds otherwise."""
+"""How long the fuzzers of ``tests/fuzz`` go on: seconds in ``make test``, a minute in ``make test-all``, or so asked."""
 
 from __future__ import annotations
 
@@ -6,14 +6,9 @@ import os
 import time
 from collections.abc import Iterator
 
-import pytest
-
 FUZZ_SECONDS = "FUZZ_SECONDS"
 """Environment variable: seconds for each fuzzer."""
 SECONDS_IN_THE_SUITE = 15.0
-LONG = pytest.mark.long(
-    "a fuzzer finds as much as it has time for; known findings are tests of their subjects"
-)
 
 
 def fuzz_s() -> float:
