@@ -1,4 +1,4 @@
-"""How long the fuzzers of ``tests/fuzz`` go on: seconds in ``make test``, a minute in ``make test-all``, or so asked."""
+"""How long the fuzzers of ``tests/fuzz`` go on: seconds in ``make test``, a minute in ``make test-all``."""
 
 from __future__ import annotations
 
