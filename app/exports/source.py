@@ -20,7 +20,8 @@ from app.exports.writing.pmtiles_archive import Tile, tile_number
 from app.map.segment import Segment, Way
 from app.map.store import FULL_ZOOM, PAGE, all_segments, corners, count_segments, in_box_sql
 from app.map.tiles.store import mvt
-from app.network.cells import ZOOM, cell_bounds
+from app.network import ZOOM
+from app.network.cells import cell_bounds
 from app.roads.region_files import kept_file
 from app.roads.regions import Region, all_regions
 from app.terrain.store import current_dem

@@ -11,7 +11,8 @@ from sqlalchemy.orm import Session
 from app.core.db import Bounds
 from app.core.http import Service
 from app.map.segment import Segment
-from app.network.cells import ZOOM, cell_bounds
+from app.network import ZOOM
+from app.network.cells import cell_bounds
 from app.roads.store import road_crowds, road_extent, road_tag
 from app.terrain.coverage import names_over, rasters_over
 from app.terrain.store import current_dem

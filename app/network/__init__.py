@@ -4,3 +4,6 @@ The one room with locks (``locks``). ``results`` stores a drive and leaves ``mar
 ``surroundings`` and ``passes`` -> ``solve`` -> ``slopes`` -> ``publish``. ``extracts`` and ``cell_roads`` read roads,
 ``condensed`` holds old passes, ``cells`` the cells and their versions. Knows no log, job or request.
 """
+
+ZOOM = 14
+"""A cell is a tile of this zoom. Here, so that whoever only names it loads no database."""

@@ -18,7 +18,7 @@ import numpy as np
 from sqlalchemy import Engine, text
 from sqlalchemy.orm import Session
 
-from app.network.cells import ZOOM
+from app.network import ZOOM
 from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table
 from app.network.road_states import road_states
 from fusion.roads.table import RoadTable

@@ -17,9 +17,9 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
+from app.network import ZOOM
 from fusion.types import Ints
 
-ZOOM = 14
 _SIDE = 1 << ZOOM
 
 TILE_MARGIN = 1 / 32

@@ -65,7 +65,7 @@ CHANGES: tuple[Change, ...] = (
     Change(_ROAD, "UNSEEN_VARIANCE", "off: 1", set_to(1.0)),
     *_both(_ROAD, "ROUGHNESS_PRIOR_COUNT"),
     *_both(_ROAD, "FAR_SHARE"),
-    *_both(_MODEL + "cells", "CELL_M"),
+    *_both(_ROAD, "PLACE_M"),
     *_both(_ROAD, "LEVEL_SIGMA_M"),
     Change(_ROAD, "STRUCTURE_FACTOR", "off: 1", set_to(1.0)),
     *_both(_ROAD, "NODE_SIGMA_M"),
@@ -130,6 +130,7 @@ LEFT_OUT = {
     "DEFAULT_ROUGHNESS": "of networks without any drive",
     "ROUGHNESS_BOUNDS": "what roads can be at all",
     "SIGMA_BOUNDS_M": "what elevation models can be at all",
+    "METRES_PER_DEGREE": "the size of the Earth",
 }
 """Constants that are not tried, with the reason."""
 

@@ -37,7 +37,7 @@ def some_signals(seed: int, epochs: int = 5, began_s: float = 1.38e9, satellites
     n = len(times)
     carrier = np.where(system_of == BEIDOU, 1_561_098_000.0, 1_575_420_000.0)
     channel = np.array([CHANNELS[k] for k in numbers])
-    carrier = np.where(system == GLONASS, 1_602_000_000.0 + 562_500.0 * channel, carrier)
+    carrier = np.where(system_of == GLONASS, 1_602_000_000.0 + 562_500.0 * channel, carrier)
     rate = rng.uniform(-900, 900, n)
     rate[rng.random(n) < 0.1] = np.nan
     return Signals.assemble(

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from app.exports.format import Format, NoOptions, Stated
 from app.exports.writing.pmtiles_archive import write_pmtiles
 from app.map.attribution import OSM_LICENSE
-from app.network.cells import ZOOM
+from app.network import ZOOM
 
 if TYPE_CHECKING:
     from app.exports.source import Source

@@ -11,17 +11,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import osmium
 from pyproj import Geod
 
-from app.core.db import Bounds
 from fusion.errors import RoadsError
 from fusion.roads.node_heights import RoadGraph
 from fusion.roads.osm import file_format
 from fusion.types import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from app.core.db import Bounds
 
 ROUTED = (
     ("highway", None),

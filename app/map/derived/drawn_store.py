@@ -14,7 +14,8 @@ from app.core.db import fetch_binary, send_binary
 from app.map.derived.levels import CHOSEN, HALF_WORLD, LEVELS, rank, tile_of
 from app.map.derived.pieces import Piece, Stretches
 from app.map.derived.way_store import lines
-from app.network.cells import TILE_MARGIN, ZOOM
+from app.network import ZOOM
+from app.network.cells import TILE_MARGIN
 from fusion.types import Floats, Ints
 
 # A gap's slope is measured by nobody. What is not followed yet is not drawn yet, or nobody would know of it when it

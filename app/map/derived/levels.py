@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from app.core.tables.served import DRAWN_LEVELS
-from app.network.cells import ZOOM
+from app.network import ZOOM
 
 _RANKS = {
     "motorway": 0,

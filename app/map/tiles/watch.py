@@ -22,7 +22,8 @@ from app.core.db import Bounds
 from app.map.tiles import store
 from app.map.tiles.connections import Asker, Connection, Connections, end, is_broken
 from app.map.tiles.store import CellVersion
-from app.network.cells import ZOOM, span
+from app.network import ZOOM
+from app.network.cells import span
 
 WIDE = 12
 """Tiles of lower zooms meet a hundred cells and more."""

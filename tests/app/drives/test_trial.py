@@ -174,7 +174,7 @@ def test_a_drive_that_contradicts_and_a_duplicate(context: JobContext, files: Pa
     (said,) = (warning for warning in told["wrong.csv"]["warnings"] if "contradicts" in warning)
     share = told["wrong.csv"]["rejected_segments"] / told["wrong.csv"]["segments_in_network"]
     assert f"({share:.0%}) and is rejected there" in said
-    assert "This is the same drive as good.csv" in told["again.csv"]["warnings"][-1]
+    assert "This drive is a duplicate of good.csv" in told["again.csv"]["warnings"][-1]
     assert (
         alone["slopes"]
         == fused(

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.map.coverage import MOST_ROADS, crowded_box
-from app.network.cells import ZOOM, cell_bounds
+from app.network import ZOOM
+from app.network.cells import cell_bounds
 
 EVERYWHERE = (-180.0, -90.0, 180.0, 90.0)
 HEIDELBERG = 8586 << ZOOM | 5609

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.network.cells import ZOOM, beside, partitions_around
+from app.network import ZOOM
+from app.network.cells import beside, partitions_around
 
 SIDE_M = 2 * math.pi * 6_378_137.0 / 2**ZOOM
 HALF_M = math.pi * 6_378_137.0

@@ -14,7 +14,7 @@ const COMBOBOX = { role: "combobox" } as object;
 
 export function Search() {
   const [written, write] = useState("");
-  const [result, set] = useState<Found | null>(null);
+  const [answer, set] = useState<Found | null>(null);
   const [at, point] = useState(-1);
   const [open, show] = useState(false);
   const list = useId();
@@ -48,7 +48,7 @@ export function Search() {
     };
   }, [written]);
 
-  const results = result?.results ?? [];
+  const results = answer?.results ?? [];
   const shown = open && results.length > 0;
   const go = async (result: Result) => {
     if (result.name !== undefined) {
@@ -74,7 +74,7 @@ export function Search() {
       event.preventDefault();
       const result = results[Math.max(at, 0)];
       if (result) go(result);
-      else if (result === null) hasty.current = true;
+      else if (answer === null) hasty.current = true;
     } else if (event.key === "Escape" && (shown || written !== "")) {
       event.preventDefault();
       event.stopPropagation();
@@ -82,7 +82,7 @@ export function Search() {
       else write("");
     }
   };
-  const message = result === null ? "" : result.message || t("segment.found", { n: results.length });
+  const message = answer === null ? "" : answer.message || t("segment.found", { n: results.length });
   return (
     <search class="search">
       <div class="search-row">
@@ -125,7 +125,7 @@ export function Search() {
           </div>
         ))}
       </div>
-      <p role="status" class={result?.message ? "search-message" : "unseen"}>
+      <p role="status" class={answer?.message ? "search-message" : "unseen"}>
         {message}
       </p>
       <Regions />
