@@ -120,7 +120,7 @@ def geojson_response(document: Mapping[str, Any], headers: dict[str, str] | None
     return Response(geojson_text(document), media_type=GEO_JSON, headers=headers)
 
 
-def found(row: Any, what: str, key: object) -> Any:
+def existing(row: Any, what: str, key: object) -> Any:
     """``row``, or ``NotFoundError`` when it is None."""
     if row is None:
         raise NotFoundError(f"There is no {what} {key}. It may have been deleted.")

@@ -9,7 +9,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import StreamingResponse
 
-from app.core.http import EXAMPLE_ID, BaseUrl, found, problems
+from app.core.http import EXAMPLE_ID, BaseUrl, existing, problems
 from app.core.receiving.sse import EventStream, event, events_of, stream_answer
 from app.core.text import dumps
 from app.drives.documents import ENDED
@@ -48,7 +48,7 @@ async def drive_events(drive_id: uuid.UUID, feed: FeedDep, base: BaseUrl) -> Str
     try:
         first = await follower.next()
         assert first is not None  # noqa: S101 - it waits until it is told
-        found(first.drive, "drive", drive_id)
+        existing(first.drive, "drive", drive_id)
     except BaseException:
         feed.leave(follower)
         raise

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Body, Query, Request, Response
 
 from app.core.errors import BadRequestError
-from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, found, link, problems, with_query
+from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, existing, link, problems, with_query
 from app.core.query import refuse_unknown
 from app.core.telemetry.audit import Origin
 from app.drives import intake
@@ -137,7 +137,7 @@ def list_drives(
 def get_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Drive:
     """Status, progress, reason of a failure, and the report of the last successful run."""
     with service.reading() as session:
-        return linked(base, found(drives.get_drive(session, drive_id), "drive", drive_id))
+        return linked(base, existing(drives.get_drive(session, drive_id), "drive", drive_id))
 
 
 @router.delete("/{drive_id}", status_code=202, summary="Remove a drive", responses=problems(403, 404, 503))
@@ -148,7 +148,7 @@ def delete_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, origin
     store, within seconds; `/v1/admin/queue` counts removals that are under way. The same bytes uploaded meanwhile are
     a drive of their own.
     """
-    found(intake.remove_drive(service.sessions, drive_id, origin) or None, "drive", drive_id)
+    existing(intake.remove_drive(service.sessions, drive_id, origin) or None, "drive", drive_id)
     links = [link(f"{base}/v1/admin/queue", "monitor", title="How many removals are under way")]
     return DriveAccepted(id=drive_id, status=DriveStatus("cancelled"), links=links)
 
@@ -182,7 +182,7 @@ def reprocess_drive(
         method, gnss = method or body.method, gnss or body.gnss
         wanted_options = body.options if wanted_options is None else wanted_options
     positioning = asked_positioning(gnss, gnss_option)
-    drive = found(
+    drive = existing(
         intake.reprocess(service.sessions, drive_id, method, wanted_options, positioning), "drive", drive_id
     )
     response.headers["Location"] = drive_address(base, drive)

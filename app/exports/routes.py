@@ -19,7 +19,7 @@ from app.core.http import (
     Service,
     ServiceDep,
     etag_matches,
-    found,
+    existing,
     problems,
 )
 from app.core.problems import problem_response
@@ -151,7 +151,7 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
     The export is `cancelled`, and is told as such until it would have expired. Once more changes nothing.
     """
     with service.sessions.begin() as session:
-        export: Export = found(exports.get(session, export_id), "export", export_id)
+        export: Export = existing(exports.get(session, export_id), "export", export_id)
         blob_key = store.cancel(session, export_id, service.settings)
         if export.status is not ExportStatus.CANCELLED:
             audit.note(session, origin, "export removed", export_id, file_name=export.file_name)
@@ -213,7 +213,7 @@ def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
 def get_beside(export_id: uuid.UUID, name: str, service: ServiceDep) -> Response:
     """How the file is drawn, or what its format has no place for, under the name that readers look for."""
     export = _done(_get_export(service, export_id))
-    text = found(export.companions.get(name), f"file beside export {export_id} called", name[:80])
+    text = existing(export.companions.get(name), f"file beside export {export_id} called", name[:80])
     kind = "application/json" if name.endswith(".json") else "text/plain"
     return Response(text, media_type=kind, headers={"Cache-Control": "no-cache"})
 
@@ -257,7 +257,7 @@ def _naming(field: str) -> Iterator[None]:
 
 def _get_export(service: Service, export_id: uuid.UUID) -> Export:
     with service.reading() as session:
-        export: Export = found(exports.get(session, export_id), "export", export_id)
+        export: Export = existing(exports.get(session, export_id), "export", export_id)
     return export
 
 

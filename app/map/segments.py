@@ -17,7 +17,7 @@ from app.core.http import (
     BaseUrl,
     Link,
     ServiceDep,
-    found,
+    existing,
     geojson_answer,
     geojson_response,
     link,
@@ -167,7 +167,7 @@ def get_segment(
     and 0 drives.
     """
     with service.reading() as session:
-        row = found(segments.get_segment(session, segment_id, gaps=bool(gaps)), "segment", segment_id)
+        row = existing(segments.get_segment(session, segment_id, gaps=bool(gaps)), "segment", segment_id)
     here = f"{base}/v1/segments/{segment_id}"
     item = f"{base}/collections/segments/items/{segment_id}"
     links = [
@@ -195,7 +195,7 @@ def segment_observations(
     """
     place = None if after is None else _place(after)
     with service.reading() as session:
-        found(segments.get_segment(session, segment_id), "segment", segment_id)
+        existing(segments.get_segment(session, segment_id), "segment", segment_id)
         rows = segments.segment_observations(session, segment_id, limit=limit + 1, after=place)
     shown, more = rows[:limit], len(rows) > limit
     up = f"{base}/v1/segments/{segment_id}"

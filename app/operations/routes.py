@@ -15,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from app.core.blobs import IMPORTS, BlobStore
 from app.core.databases import database_identity
 from app.core.errors import BadRequestError, NotDoneError
-from app.core.http import BaseUrl, Service, ServiceDep, found, problems
+from app.core.http import BaseUrl, Service, ServiceDep, existing, problems
 from app.core.query import refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
@@ -274,5 +274,5 @@ def _add_operation(
 
 
 def _get(session: Session, number: uuid.UUID) -> Operation:
-    operation: Operation = found(operations.get(session, number), "operation", number)
+    operation: Operation = existing(operations.get(session, number), "operation", number)
     return operation

@@ -22,7 +22,7 @@ from app.changes.webhooks.documents import (
 from app.changes.webhooks.sending import RefusedError, check_url, new_secret
 from app.changes.webhooks.store import SEGMENTS_CHANGED, TEST, WebhookRow
 from app.core.errors import BadRequestError
-from app.core.http import UNREADABLE_BODY, BaseUrl, Link, Service, ServiceDep, found, link, problems
+from app.core.http import UNREADABLE_BODY, BaseUrl, Link, Service, ServiceDep, existing, link, problems
 from app.core.query import refuse_unknown
 
 MOST = 100
@@ -83,7 +83,7 @@ def list_all(request: Request, service: ServiceDep, base: BaseUrl) -> WebhookLis
 def get(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> WebhookWithDeliveries:
     """The address and what became of its newest messages; those that ended are shown for a week."""
     with service.reading() as session:
-        row: WebhookRow = found(store.get_webhook(session, webhook_id), "webhook", webhook_id)
+        row: WebhookRow = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         deliveries = store.last_deliveries(session, webhook_id, SHOWN)
     document = Webhook.of(row, _links(base, row.id)).model_dump()
     return WebhookWithDeliveries(**document, deliveries=[Delivery.of(one) for one in deliveries])
@@ -111,7 +111,7 @@ def change(
     if wish.url is not None:
         _check(service, wish.url)
     with service.sessions.begin() as session:
-        row: WebhookRow = found(store.get_webhook(session, webhook_id), "webhook", webhook_id)
+        row: WebhookRow = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         changed = row._replace(**changes)
         follows = SEGMENTS_CHANGED in changed.events
         version = (row.reported_version or version_text(session, horizon(session))) if follows else None
@@ -125,7 +125,7 @@ def change(
 def delete(webhook_id: WebhookId, service: ServiceDep) -> None:
     """Forget the address, its secret and its messages; one that is on its way may still arrive."""
     with service.sessions.begin() as session:
-        found(store.delete_webhook(session, webhook_id) or None, "webhook", webhook_id)
+        existing(store.delete_webhook(session, webhook_id) or None, "webhook", webhook_id)
 
 
 @router.post(
@@ -137,7 +137,7 @@ def delete(webhook_id: WebhookId, service: ServiceDep) -> None:
 def send_test(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> MessageAccepted:
     """Send a message of type `test`; a worker does it, and what came of it is shown with the address."""
     with service.sessions.begin() as session:
-        row: WebhookRow = found(store.get_webhook(session, webhook_id), "webhook", webhook_id)
+        row: WebhookRow = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         if not row.active:
             raise BadRequestError('It is switched off. Switch it on first: PATCH with {"active": true}.')
         message = store.add_message(session, webhook_id, TEST, {"webhook_id": str(webhook_id)})

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 
 from app.core.errors import BadQueryError, BadRequestError
-from app.core.http import BaseUrl, Service, ServiceDep, found, link, problems
+from app.core.http import BaseUrl, Service, ServiceDep, existing, link, problems
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry.audit import Origin
 from app.drives.batches import enqueuing
@@ -117,7 +117,7 @@ def cancel_batch(
 
 def _seen(service: Service, base: str, number: int | None) -> Batch:
     with service.reading() as session:
-        seen: Batch = found(batch_progress(session, number), "batch", number)
+        seen: Batch = existing(batch_progress(session, number), "batch", number)
     address = f"{base}/v1/drives/reprocess" if number is None else _address(base, number)
     return seen.model_copy(update={"links": [link(address, "self")]})
 

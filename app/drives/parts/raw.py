@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from app.core.admission import PARTS
 from app.core.errors import STATUS_KINDS, NotFoundError
-from app.core.http import JSON, Service, ServiceDep, found, not_modified, problems
+from app.core.http import JSON, Service, ServiceDep, existing, not_modified, problems
 from app.core.problems import problem_response
 from app.core.text import columns_text, dumps
 from app.drives import store as drives
@@ -78,7 +78,7 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
     Resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the file.
     """
     with service.reading() as session:
-        drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
     etag, size = f'"{drive.sha256}"', drive.size_bytes
     shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
     if unchanged := not_modified(request, shared):

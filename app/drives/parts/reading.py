@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
 from app.core.errors import NotAcceptableError, NotFoundError
-from app.core.http import JSON, found, preferred
+from app.core.http import JSON, existing, preferred
 from app.core.text import GEO_JSON
 from app.drives import store as drives
 from app.drives import tracks
@@ -53,7 +53,7 @@ PointsQuery = Annotated[
 
 def drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[Drive, StoredTrack]:
     """The drive and the track of its last successful run; ``NotFoundError`` says why there is none."""
-    drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+    drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
     stored = tracks.read_track(session, drive_id)
     if stored is None:
         reason = f" It failed: {drive.failure.reason}" if drive.failure else " Look again when it is done."

@@ -17,7 +17,7 @@ from app.core.http import (
     BaseUrl,
     Service,
     ServiceDep,
-    found,
+    existing,
     geojson_answer,
     geojson_response,
     link,
@@ -225,7 +225,7 @@ def drive_segments(
     size = min(limit or service.settings.items_limit_max, service.settings.items_limit_max)
     at_once = limit is None and (f is not None or form == "csv")
     with service.reading() as session:
-        drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
         rows = drive_segment_rows(session, drive_id, limit=None if at_once else size + 1, after=place)
     shown = rows if at_once else rows[:size]
     here = f"{drive_address(base, drive)}/segments"
@@ -260,7 +260,7 @@ def _profile_text(service: Service, drive_id: uuid.UUID, form: str, points: int 
 def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:
     """The picture of the drive as it is now, where it was drawn already."""
     with service.reading() as session:
-        drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
         return tracks.read_picture(session, drive)
 
 

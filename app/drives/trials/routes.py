@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from app.core.admission import PARTS
 from app.core.errors import NotDoneError, NotFoundError
-from app.core.http import JSON, BaseUrl, Service, ServiceDep, found, geojson_answer, link, problems
+from app.core.http import JSON, BaseUrl, Service, ServiceDep, existing, geojson_answer, link, problems
 from app.core.http import link_documents as documents
 from app.core.text import GEO_JSON, columns_text, dumps
 from app.drives import store as drives
@@ -119,7 +119,7 @@ def add_trial(
     """
     chosen, positioning = asked_options(options, option), asked_positioning(gnss, gnss_option)
     with service.reading() as session:
-        drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
     chosen_method = method or drive.method
     chosen_options = drive.options if method is None and chosen is None else chosen or {}
     chosen_options = with_positioning(with_columns_kept(chosen_options, drive.options), positioning)
@@ -137,7 +137,7 @@ def add_trial(
 def list_trials(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> TrialList:
     """All of them, the newest first."""
     with service.reading() as session:
-        found(drives.get_drive(session, drive_id), "drive", drive_id)
+        existing(drives.get_drive(session, drive_id), "drive", drive_id)
         listed = trials.page(session, drive_id=drive_id)
     return TrialList(trials=[linked(base, trial) for trial in listed])
 
@@ -156,7 +156,7 @@ def delete_trial(drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep) 
     """Always works, whatever the status, and at once: a worker that computes it discards what it has."""
     with service.sessions.begin() as session:
         if not store.remove(session, drive_id, trial_id):
-            found(None, f"trial of drive {drive_id} called", trial_id)
+            existing(None, f"trial of drive {drive_id} called", trial_id)
 
 
 @router.get(
@@ -239,7 +239,7 @@ def trial_segments(
     form = form_of(f, request.headers.get("accept"), ESTIMATES)
     with service.reading() as session:
         trial, result = _done(session, drive_id, trial_id)
-        drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
         slopes = decode_slopes(result.slopes)
         rows = beside_the_map(slopes, segments_by_id(session, [slope.segment for slope in slopes]))
     if form == "csv":
@@ -256,7 +256,7 @@ def _profile_answer(
 ) -> Response:
     with service.reading() as session:
         trial, result = _done(session, drive_id, trial_id)
-        drive: Drive = found(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
         profile = fewer(_profile(session, result), points)
     if form == "csv":
         headers = as_file(f"{stem_of(drive.filename)}-{trial.method}-profile.csv")
@@ -287,7 +287,7 @@ def _ids(trial: Trial) -> dict[str, str]:
 
 
 def _get_trial(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial:
-    trial: Trial = found(
+    trial: Trial = existing(
         trials.get(session, trial_id, drive_id=drive_id), f"trial of drive {drive_id} called", trial_id
     )
     return trial

@@ -9,7 +9,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from sqlalchemy.orm import Session
 
-from app.core.http import BaseUrl, Link, ServiceDep, found, link, problems, with_query
+from app.core.http import BaseUrl, Link, ServiceDep, existing, link, problems, with_query
 from app.core.text import GEO_JSON, LENGTH_DIGITS, rounded
 from app.map.attribution import attribution
 from app.map.heights.road_heights import measured_height
@@ -82,7 +82,7 @@ def segment_profile(
     heights that follow from the roads on both its sides; `source` says so.
     """
     with service.reading() as session:
-        road, drives = found(one_road(session, segment_id), "segment", segment_id)
+        road, drives = existing(one_road(session, segment_id), "segment", segment_id)
         credit = _credit(session, service.settings.dem_dir, road)
     along_m = _places(road)
     source: Literal["drives", "neighbours"] | None = None

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Request, Response
 from sqlalchemy.orm import Session
 
-from app.core.http import BaseUrl, Link, Service, ServiceDep, found, link, link_documents
+from app.core.http import BaseUrl, Link, Service, ServiceDep, existing, link, link_documents
 from app.core.text import GEO_JSON, dumps, utc_text
 from app.map.attribution import attribution
 from app.map.coverage import dem_names, dem_names_at
@@ -84,7 +84,7 @@ def item_answer(
     pairs = request.query_params.multi_items()
     shape = parse_item(collection, pairs)
     with service.reading() as session:
-        text = found(store.one(session, collection, item_id, shape), f"item of {collection.id}", item_id)
+        text = existing(store.one(session, collection, item_id, shape), f"item of {collection.id}", item_id)
     up = f"{base}/collections/{collection.id}"
     links = [*form.links(f"{up}/items/{item_id}", pairs), link(up, "collection", title=collection.title)]
     if collection.follows_changes:
