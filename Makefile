@@ -36,9 +36,9 @@ test: setup  ## every test but the long ones, on a private PostGIS, the pages' i
 	@.ci/prepare chromium
 	@$(BIN)/python -m pytest $(SPREAD) -m "not long"
 
-test-all: setup  ## every test, also what is long by nature: a soak, and fuzzers for a minute each
+test-all: setup  ## every test, also what is long by nature: a soak, fuzzers for a minute each, more examples
 	@.ci/prepare chromium
-	@FUZZ_SECONDS=$(or $(FUZZ),60) $(BIN)/python -m pytest $(SPREAD) --timeout=0
+	@FUZZ_SECONDS=$(or $(FUZZ),60) $(BIN)/python -m pytest $(SPREAD) --timeout=0 --hypothesis-profile=thorough
 
 coverage: setup  ## which lines and branches the tests reach, in build/coverage/index.html
 	@.ci/prepare chromium
@@ -103,5 +103,5 @@ $(POSTGRES): $(INSTALLED) .ci/prepare
 
 # Minutes once, where otherwise each process of the tests would compile the same loops.
 $(COMPILED): $(INSTALLED) $(shell find fusion -name '*.py')
-	@$(BIN)/python -m app.cli.compiling
+	@$(BIN)/python -m app.cli.compiling --processes 2
 	@touch $@

@@ -48,10 +48,11 @@ FIRST_TEST_S = pytest.StashKey[float]()
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 # Compiled loops take seconds at their first call, and machines are shared: no test depends on time.
-# `make check` takes the quick profile: a fifth of the examples that `make test` tries.
-hypothesis_settings.register_profile("untimed", deadline=None)
+# Examples of each property: `make check` tries a few, `make test` more, `make test-all` the most.
 hypothesis_settings.register_profile("quick", deadline=None, max_examples=20)
-hypothesis_settings.load_profile("untimed")
+hypothesis_settings.register_profile("usual", deadline=None, max_examples=50)
+hypothesis_settings.register_profile("thorough", deadline=None, max_examples=200)
+hypothesis_settings.load_profile("usual")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

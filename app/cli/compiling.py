@@ -1,22 +1,24 @@
 """Compiling ahead of time: every method and solver runs once on a simulated drive, so that no lane has to compile.
 
-    python -m app.cli.compiling [--first]
+    python -m app.cli.compiling [--first] [--processes N]
 
 That takes two and a half minutes and more than a gigabyte while LLVM optimises; on disk (``fusion.compiled``) it serves
 all processes. Done when an image is built, by ``make setup``, and by a worker where it finds that nobody has.
-``--first``: the default method alone, by which most drives are computed. Where all is there nothing is done.
+``--first``: the default method alone, by which most drives are computed. ``--processes``: as many go through the other
+methods side by side. Where all is there nothing is done.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+import multiprocessing
 import os
 import platform
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
@@ -52,6 +54,8 @@ FEW: Mapping[str, Any] = {"particles": 200}
 _ELSEWHERE = frozenset({"gnss", "gnss_options", "columns"})
 """Options that every method has: positionings are gone through by themselves."""
 
+_LASTING = ExitStack()
+
 Step = tuple[str, Callable[[], object]]
 
 
@@ -71,24 +75,56 @@ def main() -> None:
         prog="python -m app.cli.compiling", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument("--first", action="store_true", help="the default method alone")
-    compile_ahead(first=parser.parse_args().first, tell=_tell)
+    parser.add_argument("--processes", type=int, default=1, help="as many go through the other methods")
+    options = parser.parse_args()
+    compile_ahead(first=options.first, processes=options.processes, tell=_tell)
 
 
-def compile_ahead(*, first: bool = False, tell: Callable[[str, int, int], None] = lambda *_: None) -> None:
-    """Run what is not known to have been run with this code on this processor; ``tell(name, number, of)`` each."""
+def compile_ahead(
+    *, first: bool = False, processes: int = 1, tell: Callable[[str, int, int], None] = lambda *_: None
+) -> None:
+    """Run what is not known to have been run with this code on this processor; ``tell(name, number, of)`` each.
+
+    What most drives need comes first and alone: the other methods call much of it.
+    """
     if is_compiled(first=first):
         return
     with _scene() as scene:
         steps = list(_first_steps(scene))
-        if not first:
-            steps += _other_steps(scene)
+        others = [] if first else list(_other_steps(scene))
+        of = len(steps) + len(others)
         for number, (name, run) in enumerate(steps, 1):
-            tell(name, number, len(steps))
+            tell(name, number, of)
             run()
+        for number, name in enumerate(_run_others(others, processes), len(steps) + 1):
+            tell(name, number, of)
     for done in {True, first}:
         if mark := _mark(first=done):
             with suppress(OSError):  # a folder that nobody may write into serves those who read it
                 mark.touch()
+
+
+def _run_others(steps: list[Step], processes: int) -> Iterator[str]:
+    """Names of the steps as they end."""
+    if processes < 2 or not steps:
+        for name, run in steps:
+            run()
+            yield name
+        return
+    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+        yield from pool.imap_unordered(_run_other, range(len(steps)))
+
+
+def _run_other(number: int) -> str:
+    name, run = _steps_of_this_process()[number]
+    run()
+    return name
+
+
+@cache
+def _steps_of_this_process() -> list[Step]:
+    """The other steps on a scene of the process's own, which lasts as long as it does."""
+    return list(_other_steps(_LASTING.enter_context(_scene())))
 
 
 def is_compiled(*, first: bool = False) -> bool:

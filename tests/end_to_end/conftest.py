@@ -22,6 +22,18 @@ START_S, STOP_S, COMMAND_S = 90.0, 40.0, 120.0
 PROC = Path("/proc")
 
 
+FIRST = "test_service.py"
+"""Compares the whole map with what was uploaded, so that nobody may have uploaded before."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the tests of this folder first: one process takes them all, and they share one service."""
+    here = Path(__file__).parent
+    items.sort(
+        key=lambda item: (item.path.parent != here, item.path.parent == here and item.path.name != FIRST)
+    )
+
+
 def environment(**extra: str) -> dict[str, str]:
     """No Versant setting of the person who runs the tests, and no colours."""
     clean = {name: value for name, value in os.environ.items() if not name.startswith("VERSANT_")}
@@ -118,9 +130,9 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     return write_all(tmp_path_factory.mktemp("town"), 3, seed=1, duration_s=100.0)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def running(simulated: Demonstration, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
-    """A service with the town's roads and elevations imported while it runs."""
+    """One service for all modules, with the town's roads and elevations imported while it runs."""
     up = Up(tmp_path_factory.mktemp("up") / "data").start()
     try:
         for command, file in (("import-roads", simulated.osm), ("import-dem", simulated.dem)):

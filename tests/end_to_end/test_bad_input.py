@@ -100,7 +100,9 @@ def test_worker_goes_on_after_all_of_them(client: Client, simulated: Demonstrati
             waiting.append(client.upload(path))
         except ClientError:
             continue
-    good = client.upload(simulated.drives[2])
+    path = tmp_path / "good.csv"
+    path.write_bytes(simulated.drives[2].read_bytes() + b"\n\n")
+    good = client.upload(path)
     assert client.wait(good.id, timeout_s=WAIT_S).status == "done"
     assert {client.wait(drive.id, timeout_s=WAIT_S).status for drive in waiting} == {"failed"}
 

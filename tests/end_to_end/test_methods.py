@@ -9,14 +9,18 @@ from pathlib import Path
 
 import httpx
 import pytest
+from typer.testing import CliRunner
 
+from app.cli import app
+from app.cli.client import Client
 from fusion.catalogue import METHODS
 from fusion.simulate.demonstration import Demonstration
-from tests.end_to_end.conftest import Up, versant
+from tests.end_to_end.conftest import COMMAND_S, Up
 
 pytestmark = pytest.mark.slow
 
-QUICK = {"particle": ("--option", "particles=5000")}
+QUICK = {"particle": {"particles": 5000}}
+FEW_SEGMENTS = 5  # a line through raw altitudes needs long segments
 
 
 @pytest.fixture(params=list(METHODS))
@@ -28,19 +32,13 @@ def test_the_service_runs_it(running: Up, simulated: Demonstration, method: str,
     log = tmp_path / f"{method}.csv"
     # Other bytes, so that it is another drive: the same bytes again would answer with the first one.
     log.write_text(simulated.drives[0].read_text() + "\n" * (1 + list(METHODS).index(method)))
-    said = tmp_path / "upload.json"
-    done = versant(
-        "upload", log, "--server", running.address, "--wait", "--method", method, "--json", said,
-        *QUICK.get(method, ()),
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    (upload,) = json.loads(said.read_text())["uploads"]
-    with httpx.Client(base_url=running.address, timeout=30, trust_env=False) as http:
-        drive = http.get(f"/v1/drives/{upload['drive']}").raise_for_status().json()
-        assert drive["status"] == "done"
-        assert drive["report"]["method"] == method
-        assert drive["report"]["segments_estimated"] > 5
-        http.delete(f"/v1/drives/{upload['drive']}").raise_for_status()
+    with Client(running.address) as client:
+        uploaded = client.upload(log, method=method, options=QUICK.get(method, {}))
+        drive = client.wait(uploaded.id, timeout_s=COMMAND_S)
+        assert drive.status == "done", drive.document
+        assert drive.document["report"]["method"] == method
+        assert drive.document["report"]["segments_estimated"] > 5
+        client.request("DELETE", f"/v1/drives/{drive.id}")
 
 
 def test_the_service_refuses_an_option_that_it_does_not_have(
@@ -61,11 +59,12 @@ def test_fuse_runs_it_on_a_real_road_with_an_outage(
     method: str, karlsruhe: Path, receiver_log: Callable[..., Path], tmp_path: Path
 ) -> None:
     log, out = receiver_log("09", tmp_path / "log.csv", cut=["60:40"]), tmp_path / "slopes.geojson"
-    done = versant(
-        "fuse", log, "--roads", karlsruhe / "roads_09_10.osm", "--method", method, "-o", out,
-        "--dem", *sorted(karlsruhe.glob("*.hgt")), *QUICK.get(method, ()),
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    options = [f"--option={name}={value}" for name, value in QUICK.get(method, {}).items()]
+    fused = CliRunner().invoke(app, [
+        "fuse", str(log), "--roads", str(karlsruhe / "roads_09_10.osm"), "--method", method, "-o", str(out),
+        "--dem", *map(str, sorted(karlsruhe.glob("*.hgt"))), *options,
+    ])  # fmt: skip
+    assert fused.exit_code == 0, fused.stderr
     slopes = [f["properties"] for f in json.loads(out.read_text())["features"]]
-    assert len(slopes) >= 5  # a line through raw altitudes needs long segments
+    assert len(slopes) >= FEW_SEGMENTS
     assert all(math.isfinite(p["slope_percent"]) and p["slope_sigma_percent"] > 0 for p in slopes)

@@ -18,7 +18,7 @@ pytestmark = [
 ]
 
 
-def test_ctrl_c_leaves_nothing_running_and_the_drive_is_taken_up_again(
+def test_a_drive_is_taken_up_again_after_ctrl_c_and_nothing_outlives_a_killed_parent(
     idle: Up, simulated: Demonstration
 ) -> None:
     idle.start()
@@ -37,33 +37,6 @@ def test_ctrl_c_leaves_nothing_running_and_the_drive_is_taken_up_again(
     idle.start()
     with Client(idle.address) as client:
         assert client.wait(drive.id, timeout_s=150).status == "done"
-    assert idle.interrupt() == 0
-
-
-def test_a_killed_worker_is_replaced(idle: Up) -> None:
-    idle.start()
-    workers = idle.processes("app.cli", "worker")
-    os.kill(workers[0], signal.SIGKILL)
-    await_true(lambda: set(idle.processes("app.cli", "worker")) - set(workers), 30, "no new worker")
-    assert re.search(r"the worker(s| 1)? ended with status -9", idle.said())
-
-
-def test_a_killed_database_is_started_again(idle: Up, simulated: Demonstration) -> None:
-    idle.start()
-    assert versant("import-roads", "--data-dir", idle.data_dir, simulated.osm).returncode == 0
-    postmaster = int((idle.data_dir / "postgres" / "data" / "postmaster.pid").read_text().split()[0])
-    os.kill(postmaster, signal.SIGKILL)
-    await_true(lambda: "PostgreSQL ended by itself" in idle.said(), 30, "nobody noticed")
-    with Client(idle.address) as client:
-        drive = client.upload(simulated.drives[0], method="raw")
-        assert client.wait(drive.id, timeout_s=150).status == "done"
-    assert idle.said().count("PostgreSQL ended by itself") == 1
-    assert idle.interrupt() == 0, idle.said()
-    assert idle.processes() == []
-
-
-def test_children_end_with_a_killed_parent_and_the_next_start_works(idle: Up) -> None:
-    idle.start()
     idle.process.kill()
     idle.process.wait()
     await_true(
@@ -76,14 +49,34 @@ def test_children_end_with_a_killed_parent_and_the_next_start_works(idle: Up) ->
     assert idle.processes() == []
 
 
-def test_a_taken_port_is_said_in_one_line(idle: Up) -> None:
+def test_a_killed_worker_is_replaced_and_a_killed_database_started_again(
+    idle: Up, simulated: Demonstration
+) -> None:
     idle.start()
-    port = idle.address.rsplit(":", 1)[1]
-    second = versant("up", "--data-dir", idle.data_dir, "--port", port)
+    assert versant("import-roads", "--data-dir", idle.data_dir, simulated.osm).returncode == 0
+    workers = idle.processes("app.cli", "worker")
+    os.kill(workers[0], signal.SIGKILL)
+    await_true(lambda: set(idle.processes("app.cli", "worker")) - set(workers), 30, "no new worker")
+    assert re.search(r"the worker(s| 1)? ended with status -9", idle.said())
+
+    postmaster = int((idle.data_dir / "postgres" / "data" / "postmaster.pid").read_text().split()[0])
+    os.kill(postmaster, signal.SIGKILL)
+    await_true(lambda: "PostgreSQL ended by itself" in idle.said(), 30, "nobody noticed")
+    with Client(idle.address) as client:
+        drive = client.upload(simulated.drives[0], method="raw")
+        assert client.wait(drive.id, timeout_s=150).status == "done"
+    assert idle.said().count("PostgreSQL ended by itself") == 1
+    assert idle.interrupt() == 0, idle.said()
+    assert idle.processes() == []
+
+
+def test_a_taken_port_is_said_in_one_line(running: Up) -> None:
+    port = running.address.rsplit(":", 1)[1]
+    second = versant("up", "--data-dir", running.data_dir, "--port", port)
     assert second.returncode == 1
     complaint = [line for line in second.stderr.splitlines() if line.startswith("versant:")]
     assert len(complaint) == 1
     assert "--port" in complaint[0]
     assert "Traceback" not in second.stderr
-    with Client(idle.address) as client:
+    with Client(running.address) as client:
         assert client.get("/readyz").is_success

@@ -93,41 +93,35 @@ def worker(database_url: str, tmp_path: Path) -> Iterator[Worker]:
 
 
 @pytest.mark.slow
-def test_a_lane_that_ends_is_started_again_and_all_end_with_the_worker(worker: Worker) -> None:
+def test_lanes_share_what_they_have_loaded_and_one_that_ends_is_started_again(worker: Worker) -> None:
     first = worker.await_lanes()
+    time.sleep(1.0)  # the chores have been done once
+    for pid in first:
+        assert 0 < megabytes(pid, "Pss") < AT_REST_MB
+        assert megabytes(pid, "Private_Clean", "Private_Dirty") < OF_ITS_OWN_MB
+
     os.kill(max(first), signal.SIGKILL)
     second = worker.await_lanes(but=lambda lanes: lanes == first)
     assert len(second & first) == 1
     nursery = worker.nursery()
     assert nursery is not None
     worker.process.terminate()
-    _, said = worker.process.communicate(timeout=PATIENCE_S)
+    _, log = worker.process.communicate(timeout=PATIENCE_S)
     assert worker.process.returncode == 0
-    assert re.search(r"the worker [12] ended with status -9", said)
+    assert re.search(r"the worker [12] ended with status -9", log)
     assert not [pid for pid in {nursery, *second} if Path(f"/proc/{pid}").exists()]
 
 
 @pytest.mark.slow
-def test_lanes_at_rest_share_what_they_have_loaded(worker: Worker) -> None:
-    lanes = worker.await_lanes()
-    time.sleep(1.0)  # the chores have been done once
-    for pid in lanes:
-        assert 0 < megabytes(pid, "Pss") < AT_REST_MB
-        assert megabytes(pid, "Private_Clean", "Private_Dirty") < OF_ITS_OWN_MB
-
-
-@pytest.mark.slow
-def test_lanes_end_with_the_process_that_they_were_forked_from_and_come_again(worker: Worker) -> None:
+def test_lanes_come_again_after_the_process_they_were_forked_from_and_end_with_a_killed_worker(
+    worker: Worker,
+) -> None:
     first, nursery = worker.await_lanes(), worker.nursery()
     assert nursery is not None
     os.kill(nursery, signal.SIGKILL)
     await_gone(first)
-    assert worker.await_lanes().isdisjoint(first)
-
-
-@pytest.mark.slow
-def test_all_end_with_a_killed_worker(worker: Worker) -> None:
     lanes, nursery = worker.await_lanes(), worker.nursery()
+    assert lanes.isdisjoint(first)
     assert nursery is not None
     worker.process.kill()
     await_gone({nursery, *lanes})

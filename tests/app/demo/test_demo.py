@@ -5,12 +5,15 @@ from __future__ import annotations
 import csv
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.cli.console import Console
+from app.cli.supervisor import Service
+from app.core.settings import Settings
 from app.demo.baselines import straight_lines
 from app.demo.command import show_scores
 from app.demo.files import figures, map_address, write_files
@@ -93,19 +96,20 @@ def test_examples_are_distinct_and_not_more_than_asked(count: int) -> None:
     assert set(shown) <= set(ROADS)
 
 
+@pytest.fixture(scope="module")
+def running() -> Iterator[tuple[Service, Settings]]:
+    with demo_service(Console(quiet=True)) as running:
+        yield running
+
+
 @pytest.mark.slow
 @pytest.mark.db
-def test_small_demo_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_small_demo_from_end_to_end(
+    running: tuple[Service, Settings], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     console = Console(quiet=True)
-    with demo_service(console) as (service, settings), console.progress() as bars:
-        result = run_demo(
-            service,
-            settings,
-            tmp_path / "input",
-            bars,
-            drives=2,
-            duration_s=90.0,
-        )
+    with console.progress() as bars:
+        result = run_demo(*running, tmp_path / "input", bars, drives=2, duration_s=90.0)
     files = write_files(result, tmp_path)
     assert all(path.stat().st_size > 0 for path in files.values())
     collection = json.loads((tmp_path / "slopes.geojson").read_text())
@@ -139,11 +143,6 @@ def test_small_demo_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 @pytest.mark.slow
 @pytest.mark.db
-def test_a_drive_that_fails_ends_the_demo_in_words(tmp_path: Path) -> None:
-    console = Console(quiet=True)
-    with (
-        demo_service(console) as (service, settings),
-        console.progress() as bars,
-        pytest.raises(DemoError, match="ended as failed"),
-    ):
-        run_demo(service, settings, tmp_path, bars, drives=1, duration_s=2.0)
+def test_a_drive_that_fails_ends_the_demo_in_words(running: tuple[Service, Settings], tmp_path: Path) -> None:
+    with Console(quiet=True).progress() as bars, pytest.raises(DemoError, match="ended as failed"):
+        run_demo(*running, tmp_path, bars, drives=1, duration_s=2.0)

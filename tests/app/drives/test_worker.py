@@ -237,14 +237,13 @@ def test_a_killed_workers_drive_is_taken_up_again(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_stopped_worker_puts_a_long_drive_back(
-    sessions: Sessions, send: Send, worker_process: Workers, settings: Settings, number: signal.Signals
+    sessions: Sessions, send: Send, worker_process: Workers, settings: Settings
 ) -> None:
     drive = send(2, "particle", ENDLESS)
     with worker_process() as worker:
         wait_for(sessions, drive, begun)
-        worker.send_signal(number)
+        worker.terminate()  # Ctrl-C: tests/end_to_end
         assert worker.wait(PATIENCE_S) == 0
     assert now(sessions, drive.id).status == "queued"
     assert counts(sessions) == (0, 0, 0, 0, 0)
