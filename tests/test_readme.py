@@ -213,27 +213,14 @@ def outputs() -> str:
     return table(("format", "suffix", "what"), rows)
 
 
-def consumer_formats() -> str:
-    rows = [
-        (
-            code(name),
-            item.consumer,
-            " ".join(map(code, item.suffixes)),
-            item.description.removesuffix(f" ({item.consumer})"),
-        )
-        for name, item in EXPORTS.items()
-        if item.consumer
-    ]
-    return table(("name", "for", "suffixes", "what"), rows)
-
-
 def consumer_options() -> str:
-    rows = [
-        (code(name), code(option), plain(fact.default), fact.allowed, fact.description)
-        for name, item in EXPORTS.items()
-        if item.consumer
-        for option, fact in option_facts(item.options).items()
-    ]
+    """One row for each option; formats that share it stand together."""
+    sharing: dict[tuple[str, ...], list[str]] = {}
+    for name, item in EXPORTS.items():
+        for option, fact in option_facts(item.options).items() if item.consumer else ():
+            row = code(option), plain(fact.default), fact.allowed, fact.description
+            sharing.setdefault(row, []).append(code(name))
+    rows = [(" ".join(names), *row) for row, names in sharing.items()]
     return table(("name", "option", "default", "allowed", "meaning"), rows)
 
 
@@ -267,7 +254,6 @@ MAKERS: dict[str, Callable[[], str]] = {
         positionings,
         solver_options,
         outputs,
-        consumer_formats,
         consumer_options,
         metrics,
     )
