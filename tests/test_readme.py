@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -31,6 +32,10 @@ from fusion.options import option_facts
 from fusion.registry import DEFAULT_METHOD
 from fusion.terrain.windows import WINDOWS
 
+SHARED_BY = 4
+"""Options that so many commands share are listed once."""
+OPTION_HEAD = ("argument or option", "default", "meaning")
+PROPERTY_HEAD = ("property", "type", "unit", "meaning")
 EXPERIMENTS = {"calais", "lahrech", "saadaoui", "methods_on_roads"}
 """Tables that ``benchmarks/seeds.py --write`` renews."""
 
@@ -73,31 +78,40 @@ def operations() -> list[tuple[str, str, str]]:
 
 
 def command_options() -> str:
-    """A section for each command, and for each command of a group."""
+    """The options that many commands share, then a section for each command, and for each command of a group."""
     group: Any = typer.main.get_command(cli)
-    parts = []
+    named: dict[str, Any] = {}
     for name in COMMANDS:
-        command = group.commands[name]
-        inner = getattr(command, "commands", None)
-        named = {name: command} if inner is None else {f"{name} {one}": inner[one] for one in inner}
-        parts += [_command_section(full, one) for full, one in named.items()]
+        inner = getattr(group.commands[name], "commands", None)
+        named |= (
+            {name: group.commands[name]} if inner is None else {f"{name} {k}": v for k, v in inner.items()}
+        )
+    rows = {
+        name: [_parameter_row(p) for p in command.params if _is_shown(p)] for name, command in named.items()
+    }
+    count = Counter(row for of_command in rows.values() for row in of_command)
+    shared = [row for row in count if count[row] >= SHARED_BY]
+    parts = [f"### Options of many commands\n\n{table(OPTION_HEAD, shared)}"]
+    for name, command in named.items():
+        own = [row for row in rows[name] if row not in shared]
+        also = ", ".join(row[0] for row in rows[name] if row in shared)
+        lines = "\n".join(line.strip() for line in inspect.cleandoc(command.help or "").splitlines())
+        parts += [f"### versant {name}\n\n{lines}\n"]
+        parts += [table(OPTION_HEAD, own)] if own else []
+        parts += [f"{'Also' if own else 'Options'}: {also}.\n"] if also else []
     return "\n" + "\n".join(parts) + "\n"
 
 
-def _command_section(name: str, command: Any) -> str:
-    rows = []
-    for parameter in command.params:
-        if parameter.name == "help" or getattr(parameter, "hidden", False):
-            continue
-        metavar = parameter.metavar or ""
-        shown = (
-            metavar
-            if parameter.param_type_name == "argument"
-            else " ".join(parameter.opts + parameter.secondary_opts)
-        )
-        rows.append((code(shown), plain_default(parameter), parameter.help or ""))
-    lines = "\n".join(line.strip() for line in inspect.cleandoc(command.help or "").splitlines())
-    return f"### versant {name}\n\n{lines}\n\n{table(('argument or option', 'default', 'meaning'), rows)}"
+def _is_shown(parameter: Any) -> bool:
+    return parameter.name != "help" and not getattr(parameter, "hidden", False)
+
+
+def _parameter_row(parameter: Any) -> tuple[str, str, str]:
+    """An option with its default and meaning, or an argument."""
+    argument = parameter.metavar or parameter.name.upper()
+    names = " ".join(parameter.opts + parameter.secondary_opts)
+    shown = argument if parameter.param_type_name == "argument" else names
+    return code(shown), plain_default(parameter), parameter.help or ""
 
 
 def plain_default(parameter: Any) -> str:
@@ -108,19 +122,20 @@ def plain_default(parameter: Any) -> str:
 
 
 def segment_properties() -> str:
-    return _properties(SEGMENTS)
+    return table(PROPERTY_HEAD, _property_rows(SEGMENTS))
 
 
 def way_properties() -> str:
-    return _properties(WAYS)
+    """Those that segments do not have, or have with another meaning."""
+    of_segments = _property_rows(SEGMENTS)
+    return table(PROPERTY_HEAD, [row for row in _property_rows(WAYS) if row not in of_segments])
 
 
-def _properties(collection: Collection) -> str:
-    rows = [
+def _property_rows(collection: Collection) -> list[tuple[str, ...]]:
+    return [
         (code(item.name), item.format or item.type, item.unit or "", item.description)
         for item in collection.properties.values()
     ]
-    return table(("property", "type", "unit", "meaning"), rows)
 
 
 def routes() -> str:
@@ -157,20 +172,52 @@ def methods() -> str:
 
 
 def options() -> str:
-    parts = []
-    models = {
-        "every method": Options,
-        **{code(name): method.options_model for name, method in METHODS.items()},
-    }
-    for name, model in models.items():
-        rows = [
-            (code(option), plain(fact.default), fact.allowed, fact.description)
-            for option, fact in option_facts(model).items()
-            if model is Options or option not in Options.model_fields
-        ]
-        parts.append(f"<details><summary>Options of {name}</summary>\n\n")
-        parts.append(table(("option", "default", "allowed", "meaning"), rows) + "\n</details>\n\n")
-    return "".join(parts).rstrip("\n") + "\n"
+    every = _option_rows(Options)
+    models = {name: method.options_model for name, method in METHODS.items()}
+    rows = {name: [row for row in _option_rows(model) if row not in every] for name, model in models.items()}
+    tables = [_folded("every method", table(("option", "default", "allowed", "meaning"), every))]
+    return "\n".join(tables + [_family_table(family, rows) for family in _families(rows)])
+
+
+OptionRow = tuple[str, str, str, str]
+"""Option, default, allowed values, meaning."""
+
+
+def _option_rows(model: Any) -> list[OptionRow]:
+    return [
+        (code(option), plain(fact.default), fact.allowed, fact.description)
+        for option, fact in option_facts(model).items()
+    ]
+
+
+def _families(rows: dict[str, list[OptionRow]]) -> list[list[str]]:
+    """Names of which each shares most options with the first of its family."""
+    named = {name: {row[0] for row in own} for name, own in rows.items()}
+    families: list[list[str]] = []
+    for name, own in named.items():
+        alike = (f for f in families if 2 * len(own & named[f[0]]) > max(len(own), len(named[f[0]])))
+        family = next(alike, None)
+        if family is None:
+            families.append([name])
+        else:
+            family.append(name)
+    return families
+
+
+def _family_table(family: list[str], rows: dict[str, list[OptionRow]]) -> str:
+    """The options of a family, with the default of each member; a dash where it has no such option."""
+    defaults = {name: {(row[0], *row[2:]): row[1] for row in rows[name]} for name in family}
+    kinds = list(dict.fromkeys(kind for name in family for kind in defaults[name]))
+    heads = ("default",) if len(family) == 1 else tuple(map(code, family))
+    lines = [
+        (option, *(defaults[name].get((option, allowed, meaning), "–") for name in family), allowed, meaning)
+        for option, allowed, meaning in kinds
+    ]
+    return _folded(", ".join(map(code, family)), table(("option", *heads, "allowed", "meaning"), lines))
+
+
+def _folded(names: str, content: str) -> str:
+    return f"<details><summary>Options of {names}</summary>\n\n{content}\n</details>\n"
 
 
 def windows() -> str:
@@ -194,16 +241,8 @@ def positionings() -> str:
 
 
 def solver_options() -> str:
-    parts = []
-    for name, solver in SOLVERS.items():
-        rows = [
-            (code(option), plain(fact.default), fact.allowed, fact.description)
-            for option, fact in option_facts(solver.options_model).items()
-        ]
-        if rows:
-            parts.append(f"<details><summary>Options of {code(name)}</summary>\n\n")
-            parts.append(table(("option", "default", "allowed", "meaning"), rows) + "\n</details>\n\n")
-    return "".join(parts).rstrip("\n") + "\n"
+    rows = {name: _option_rows(solver.options_model) for name, solver in SOLVERS.items()}
+    return "\n".join(_family_table([name], rows) for name in rows if rows[name])
 
 
 def outputs() -> str:
