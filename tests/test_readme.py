@@ -34,7 +34,7 @@ from fusion.terrain.windows import WINDOWS
 
 SHARED_BY = 4
 """Options that so many commands share are listed once."""
-OPTION_HEAD = ("argument or option", "default", "meaning")
+OPTION_HEAD = ("argument or option", "meaning")
 PROPERTY_HEAD = ("property", "type", "unit", "meaning")
 EXPERIMENTS = {"calais", "lahrech", "saadaoui", "methods_on_roads"}
 """Tables that ``benchmarks/seeds.py --write`` renews."""
@@ -62,9 +62,19 @@ def plain(value: Any) -> str:
 
 
 def commands() -> str:
+    """Every command with its first sentence, linked to its options further down; groups have a section a command."""
     group: Any = typer.main.get_command(cli)
-    rows = [(code(f"versant {name}"), group.commands[name].help.split("\n\n")[0]) for name in COMMANDS]
+    rows = []
+    for name in COMMANDS:
+        inner = getattr(group.commands[name], "commands", None)
+        names = [name] if inner is None else [f"{name} {one}" for one in inner]
+        links = ", ".join(f"[`versant {one}`](#versant-{one.replace(' ', '-')})" for one in names)
+        rows.append((links, _paragraphs(group.commands[name])[0]))
     return table(("command", "does"), rows)
+
+
+def _paragraphs(command: Any) -> list[str]:
+    return inspect.cleandoc(command.help or "").split("\n\n")
 
 
 def operations() -> list[tuple[str, str, str]]:
@@ -95,8 +105,10 @@ def command_options() -> str:
     for name, command in named.items():
         own = [row for row in rows[name] if row not in shared]
         also = ", ".join(row[0] for row in rows[name] if row in shared)
-        lines = "\n".join(line.strip() for line in inspect.cleandoc(command.help or "").splitlines())
-        parts += [f"### versant {name}\n\n{lines}\n"]
+        text = "\n\n".join(_paragraphs(command)[name in COMMANDS :])
+        parts += [
+            "\n".join([f"### versant {name}\n", *map(str.strip, text.splitlines()), ""]).rstrip("\n") + "\n"
+        ]
         parts += [table(OPTION_HEAD, own)] if own else []
         parts += [f"{'Also' if own else 'Options'}: {also}.\n"] if also else []
     return "\n" + "\n".join(parts) + "\n"
@@ -106,12 +118,13 @@ def _is_shown(parameter: Any) -> bool:
     return parameter.name != "help" and not getattr(parameter, "hidden", False)
 
 
-def _parameter_row(parameter: Any) -> tuple[str, str, str]:
-    """An option with its default and meaning, or an argument."""
+def _parameter_row(parameter: Any) -> tuple[str, str]:
+    """An option, or an argument, with its meaning, in which its default stands."""
     argument = parameter.metavar or parameter.name.upper()
     names = " ".join(parameter.opts + parameter.secondary_opts)
     shown = argument if parameter.param_type_name == "argument" else names
-    return code(shown), plain_default(parameter), parameter.help or ""
+    default = plain_default(parameter)
+    return code(shown), " ".join([parameter.help or "", *([f"[default: {default}]"] if default else [])])
 
 
 def plain_default(parameter: Any) -> str:
@@ -205,15 +218,16 @@ def _families(rows: dict[str, list[OptionRow]]) -> list[list[str]]:
 
 
 def _family_table(family: list[str], rows: dict[str, list[OptionRow]]) -> str:
-    """The options of a family, with the default of each member; a dash where it has no such option."""
+    """The options of a family, with the default of each member, or one if all are equal; a dash for no such option."""
     defaults = {name: {(row[0], *row[2:]): row[1] for row in rows[name]} for name in family}
     kinds = list(dict.fromkeys(kind for name in family for kind in defaults[name]))
-    heads = ("default",) if len(family) == 1 else tuple(map(code, family))
-    lines = [
-        (option, *(defaults[name].get((option, allowed, meaning), "–") for name in family), allowed, meaning)
-        for option, allowed, meaning in kinds
-    ]
-    return _folded(", ".join(map(code, family)), table(("option", *heads, "allowed", "meaning"), lines))
+    lines = []
+    for option, allowed, meaning in kinds:
+        of_each = [defaults[name].get((option, allowed, meaning), "–") for name in family]
+        shown = of_each[0] if len(set(of_each)) == 1 else ", ".join(of_each)
+        lines.append((option, shown, allowed, meaning))
+    head = "default" if len(family) == 1 else "default of each, or of all"
+    return _folded(", ".join(map(code, family)), table(("option", head, "allowed", "meaning"), lines))
 
 
 def _folded(names: str, content: str) -> str:
