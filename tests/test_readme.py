@@ -188,19 +188,20 @@ def options() -> str:
     every = _option_rows(Options)
     models = {name: method.options_model for name, method in METHODS.items()}
     rows = {name: [row for row in _option_rows(model) if row not in every] for name, model in models.items()}
-    tables = [_folded("every method", table(("option", "default", "allowed", "meaning"), every))]
+    tables = [_folded("every method", table(("option", "default", "meaning"), every))]
     return "\n".join(tables + [_family_table(family, rows) for family in _families(rows)])
 
 
-OptionRow = tuple[str, str, str, str]
-"""Option, default, allowed values, meaning."""
+OptionRow = tuple[str, str, str]
+"""Option, default, meaning with what is allowed."""
 
 
 def _option_rows(model: Any) -> list[OptionRow]:
-    return [
-        (code(option), plain(fact.default), fact.allowed, fact.description)
-        for option, fact in option_facts(model).items()
-    ]
+    rows = []
+    for option, fact in option_facts(model).items():
+        bounds = "" if fact.allowed in ("", "true, false") else f" [{fact.allowed}]"
+        rows.append((code(option), plain(fact.default), fact.description + bounds))
+    return rows
 
 
 def _families(rows: dict[str, list[OptionRow]]) -> list[list[str]]:
@@ -219,15 +220,16 @@ def _families(rows: dict[str, list[OptionRow]]) -> list[list[str]]:
 
 def _family_table(family: list[str], rows: dict[str, list[OptionRow]]) -> str:
     """The options of a family, with the default of each member, or one if all are equal; a dash for no such option."""
-    defaults = {name: {(row[0], *row[2:]): row[1] for row in rows[name]} for name in family}
-    kinds = list(dict.fromkeys(kind for name in family for kind in defaults[name]))
+    defaults = {
+        name: {(option, meaning): default for option, default, meaning in rows[name]} for name in family
+    }
     lines = []
-    for option, allowed, meaning in kinds:
-        of_each = [defaults[name].get((option, allowed, meaning), "–") for name in family]
+    for option, meaning in dict.fromkeys(kind for name in family for kind in defaults[name]):
+        of_each = [defaults[name].get((option, meaning), "–") for name in family]
         shown = of_each[0] if len(set(of_each)) == 1 else ", ".join(of_each)
-        lines.append((option, shown, allowed, meaning))
+        lines.append((option, shown, meaning))
     head = "default" if len(family) == 1 else "default of each, or of all"
-    return _folded(", ".join(map(code, family)), table(("option", head, "allowed", "meaning"), lines))
+    return _folded(", ".join(map(code, family)), table(("option", head, "meaning"), lines))
 
 
 def _folded(names: str, content: str) -> str:
@@ -270,11 +272,10 @@ def consumer_options() -> str:
     """One row for each option; formats that share it stand together."""
     sharing: dict[tuple[str, ...], list[str]] = {}
     for name, item in EXPORTS.items():
-        for option, fact in option_facts(item.options).items() if item.consumer else ():
-            row = code(option), plain(fact.default), fact.allowed, fact.description
+        for row in _option_rows(item.options) if item.consumer else ():
             sharing.setdefault(row, []).append(code(name))
     rows = [(" ".join(names), *row) for row, names in sharing.items()]
-    return table(("name", "option", "default", "allowed", "meaning"), rows)
+    return table(("name", "option", "default", "meaning"), rows)
 
 
 def metrics() -> str:
