@@ -152,7 +152,11 @@ def _property_rows(collection: Collection) -> list[tuple[str, ...]]:
 
 
 def routes() -> str:
-    return table(("", "route", "what"), [(verb, code(path), what) for verb, path, what in operations()])
+    """A row for each path, with the summary of each verb."""
+    by_path: dict[str, list[str]] = {}
+    for verb, path, what in operations():
+        by_path.setdefault(path, []).append(f"{verb}: {what}")
+    return table(("route", "what"), [(code(path), "; ".join(what)) for path, what in by_path.items()])
 
 
 def settings() -> str:
