@@ -27,7 +27,7 @@ from pathlib import Path
 
 from accuracy.scoring import show_progress
 from fusion.errors import FusionError
-from published.rows import Row, by_experiment, markdown_table, text_table
+from published.rows import Row, by_experiment, markdown_table, side_by_side, text_table
 
 PARTS = {
     "calais": "published.particle.calais",
@@ -45,6 +45,8 @@ PAGES = {
 PICTURE = DOCS / "images" / "calais.png"
 MARKERS = {"methods": "methods_on_roads"}
 """Names of tables that are not the part's."""
+SIDE_BY_SIDE = {"calais"}
+"""Parts whose experiments are of the same quantities."""
 
 
 def run_part(part: str, args: argparse.Namespace) -> list[Row]:
@@ -68,9 +70,11 @@ def renewed(document: str, part: str, rows: list[Row]) -> str:
 
     Raises ``ValueError`` where the document has no place for the part.
     """
-    tables = "\n\n".join(
-        f"### {name}\n\n{markdown_table(group)}" for name, group in by_experiment(rows).items()
-    )
+    if part in SIDE_BY_SIDE:
+        tables = side_by_side(rows)
+    else:
+        groups = by_experiment(rows).items()
+        tables = "\n\n".join(f"### {name}\n\n{markdown_table(group)}" for name, group in groups)
     pattern = re.compile(rf"(<!-- table: {MARKERS.get(part, part)} -->\n).*?(\n<!-- end -->)", re.DOTALL)
     text, count = pattern.subn(lambda markers: f"{markers[1]}\n{tables}\n{markers[2]}", document)
     if count != 1:

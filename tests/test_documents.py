@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,44 @@ def test_files_in_the_text_exist(page: Path) -> None:
     assert [name for name in named if "NAME" not in name and not (REPOSITORY / name).exists()] == []
     links = re.findall(r"\]\(((?!https?:)[^)#]+)", text)
     assert [name for name in links if not (page.parent / name).exists()] == []
+
+
+FOREIGN_NAMES = ("AWS_", "UBX_", "VERSANT_")
+"""Beginnings of names in capitals that are no constants of the code."""
+
+
+@cache
+def sources() -> str:
+    """The text of all Python files."""
+    folders = ("app", "fusion", "tests", "benchmarks")
+    paths = [path for folder in folders for path in (REPOSITORY / folder).rglob("*.py")]
+    return "\n".join(path.read_text() for path in paths if "node_modules" not in path.parts)
+
+
+def test_constants_in_the_text_exist() -> None:
+    named = set(re.findall(r"`([A-Z][A-Z0-9]*(?:_[A-Z0-9]+)+)`", prose()))
+    words = set(re.findall(r"\w+", sources()))
+    assert len(named) > 20
+    assert {name for name in named if not name.startswith(FOREIGN_NAMES)} <= words
+
+
+def test_benchmarks_in_the_text_exist_with_their_options() -> None:
+    folder = REPOSITORY / "benchmarks"
+    shared = "".join(path.read_text() for path in (folder / "accuracy").glob("*.py"))
+    found = re.findall(r"python (?:benchmarks/(\w+)\.py|-m ([a-z][\w.]+))([^`\n(]*)", prose())
+    seen = 0
+    for script, module, rest in found:
+        place = folder / (script or module.replace(".", "/"))
+        if module and not place.exists() and not place.with_suffix(".py").exists():
+            assert module in {"pytest"}, module
+            continue
+        path = place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
+        assert path.exists(), path
+        text = path.read_text() + shared
+        for flag in re.findall(r"(?<!\S)(--[a-z][a-z-]*)", rest):
+            assert f'"{flag}"' in text, f"{path.name} {flag}"
+        seen += 1
+    assert seen > 30
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(REPOSITORY).as_posix())

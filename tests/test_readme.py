@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -31,6 +32,10 @@ from fusion.options import option_facts
 from fusion.registry import DEFAULT_METHOD
 from fusion.terrain.windows import WINDOWS
 
+SHARED_BY = 4
+"""Options that so many commands share are listed once."""
+OPTION_HEAD = ("argument or option", "meaning")
+PROPERTY_HEAD = ("property", "type", "unit", "meaning")
 EXPERIMENTS = {"calais", "lahrech", "saadaoui", "methods_on_roads"}
 """Tables that ``benchmarks/seeds.py --write`` renews."""
 
@@ -57,9 +62,19 @@ def plain(value: Any) -> str:
 
 
 def commands() -> str:
+    """Every command with its first sentence, linked to its options further down; groups have a section a command."""
     group: Any = typer.main.get_command(cli)
-    rows = [(code(f"versant {name}"), group.commands[name].help.split("\n\n")[0]) for name in COMMANDS]
+    rows = []
+    for name in COMMANDS:
+        inner = getattr(group.commands[name], "commands", None)
+        names = [name] if inner is None else [f"{name} {one}" for one in inner]
+        links = ", ".join(f"[`versant {one}`](#versant-{one.replace(' ', '-')})" for one in names)
+        rows.append((links, _paragraphs(group.commands[name])[0]))
     return table(("command", "does"), rows)
+
+
+def _paragraphs(command: Any) -> list[str]:
+    return inspect.cleandoc(command.help or "").split("\n\n")
 
 
 def operations() -> list[tuple[str, str, str]]:
@@ -73,31 +88,43 @@ def operations() -> list[tuple[str, str, str]]:
 
 
 def command_options() -> str:
-    """A section for each command, and for each command of a group."""
+    """The options that many commands share, then a section for each command, and for each command of a group."""
     group: Any = typer.main.get_command(cli)
-    parts = []
+    named: dict[str, Any] = {}
     for name in COMMANDS:
-        command = group.commands[name]
-        inner = getattr(command, "commands", None)
-        named = {name: command} if inner is None else {f"{name} {one}": inner[one] for one in inner}
-        parts += [_command_section(full, one) for full, one in named.items()]
+        inner = getattr(group.commands[name], "commands", None)
+        named |= (
+            {name: group.commands[name]} if inner is None else {f"{name} {k}": v for k, v in inner.items()}
+        )
+    rows = {
+        name: [_parameter_row(p) for p in command.params if _is_shown(p)] for name, command in named.items()
+    }
+    count = Counter(row for of_command in rows.values() for row in of_command)
+    shared = [row for row in count if count[row] >= SHARED_BY]
+    parts = [f"### Options of many commands\n\n{table(OPTION_HEAD, shared)}"]
+    for name, command in named.items():
+        own = [row for row in rows[name] if row not in shared]
+        also = ", ".join(row[0] for row in rows[name] if row in shared)
+        text = "\n\n".join(_paragraphs(command)[name in COMMANDS :])
+        parts += [
+            "\n".join([f"### versant {name}\n", *map(str.strip, text.splitlines()), ""]).rstrip("\n") + "\n"
+        ]
+        parts += [table(OPTION_HEAD, own)] if own else []
+        parts += [f"{'Also' if own else 'Options'}: {also}.\n"] if also else []
     return "\n" + "\n".join(parts) + "\n"
 
 
-def _command_section(name: str, command: Any) -> str:
-    rows = []
-    for parameter in command.params:
-        if parameter.name == "help" or getattr(parameter, "hidden", False):
-            continue
-        metavar = parameter.metavar or ""
-        shown = (
-            metavar
-            if parameter.param_type_name == "argument"
-            else " ".join(parameter.opts + parameter.secondary_opts)
-        )
-        rows.append((code(shown), plain_default(parameter), parameter.help or ""))
-    lines = "\n".join(line.strip() for line in inspect.cleandoc(command.help or "").splitlines())
-    return f"### versant {name}\n\n{lines}\n\n{table(('argument or option', 'default', 'meaning'), rows)}"
+def _is_shown(parameter: Any) -> bool:
+    return parameter.name != "help" and not getattr(parameter, "hidden", False)
+
+
+def _parameter_row(parameter: Any) -> tuple[str, str]:
+    """An option, or an argument, with its meaning, in which its default stands."""
+    argument = parameter.metavar or parameter.name.upper()
+    names = " ".join(parameter.opts + parameter.secondary_opts)
+    shown = argument if parameter.param_type_name == "argument" else names
+    default = plain_default(parameter)
+    return code(shown), " ".join([parameter.help or "", *([f"[default: {default}]"] if default else [])])
 
 
 def plain_default(parameter: Any) -> str:
@@ -108,23 +135,28 @@ def plain_default(parameter: Any) -> str:
 
 
 def segment_properties() -> str:
-    return _properties(SEGMENTS)
+    return table(PROPERTY_HEAD, _property_rows(SEGMENTS))
 
 
 def way_properties() -> str:
-    return _properties(WAYS)
+    """Those that segments do not have, or have with another meaning."""
+    of_segments = _property_rows(SEGMENTS)
+    return table(PROPERTY_HEAD, [row for row in _property_rows(WAYS) if row not in of_segments])
 
 
-def _properties(collection: Collection) -> str:
-    rows = [
+def _property_rows(collection: Collection) -> list[tuple[str, ...]]:
+    return [
         (code(item.name), item.format or item.type, item.unit or "", item.description)
         for item in collection.properties.values()
     ]
-    return table(("property", "type", "unit", "meaning"), rows)
 
 
 def routes() -> str:
-    return table(("", "route", "what"), [(verb, code(path), what) for verb, path, what in operations()])
+    """A row for each path, with the summary of each verb."""
+    by_path: dict[str, list[str]] = {}
+    for verb, path, what in operations():
+        by_path.setdefault(path, []).append(f"{verb}: {what}")
+    return table(("route", "what"), [(code(path), "; ".join(what)) for path, what in by_path.items()])
 
 
 def settings() -> str:
@@ -157,20 +189,55 @@ def methods() -> str:
 
 
 def options() -> str:
-    parts = []
-    models = {
-        "every method": Options,
-        **{code(name): method.options_model for name, method in METHODS.items()},
+    every = _option_rows(Options)
+    models = {name: method.options_model for name, method in METHODS.items()}
+    rows = {name: [row for row in _option_rows(model) if row not in every] for name, model in models.items()}
+    tables = [_folded("every method", table(("option", "default", "meaning"), every))]
+    return "\n".join(tables + [_family_table(family, rows) for family in _families(rows)])
+
+
+OptionRow = tuple[str, str, str]
+"""Option, default, meaning with what is allowed."""
+
+
+def _option_rows(model: Any) -> list[OptionRow]:
+    rows = []
+    for option, fact in option_facts(model).items():
+        bounds = "" if fact.allowed in ("", "true, false") else f" [{fact.allowed}]"
+        rows.append((code(option), plain(fact.default), fact.description + bounds))
+    return rows
+
+
+def _families(rows: dict[str, list[OptionRow]]) -> list[list[str]]:
+    """Names of which each shares most options with the first of its family."""
+    named = {name: {row[0] for row in own} for name, own in rows.items()}
+    families: list[list[str]] = []
+    for name, own in named.items():
+        alike = (f for f in families if 2 * len(own & named[f[0]]) > max(len(own), len(named[f[0]])))
+        family = next(alike, None)
+        if family is None:
+            families.append([name])
+        else:
+            family.append(name)
+    return families
+
+
+def _family_table(family: list[str], rows: dict[str, list[OptionRow]]) -> str:
+    """The options of a family, with the default of each member, or one if all are equal; a dash for no such option."""
+    defaults = {
+        name: {(option, meaning): default for option, default, meaning in rows[name]} for name in family
     }
-    for name, model in models.items():
-        rows = [
-            (code(option), plain(fact.default), fact.allowed, fact.description)
-            for option, fact in option_facts(model).items()
-            if model is Options or option not in Options.model_fields
-        ]
-        parts.append(f"<details><summary>Options of {name}</summary>\n\n")
-        parts.append(table(("option", "default", "allowed", "meaning"), rows) + "\n</details>\n\n")
-    return "".join(parts).rstrip("\n") + "\n"
+    lines = []
+    for option, meaning in dict.fromkeys(kind for name in family for kind in defaults[name]):
+        of_each = [defaults[name].get((option, meaning), "–") for name in family]
+        shown = of_each[0] if len(set(of_each)) == 1 else ", ".join(of_each)
+        lines.append((option, shown, meaning))
+    head = "default" if len(family) == 1 else "default of each, or of all"
+    return _folded(", ".join(map(code, family)), table(("option", head, "meaning"), lines))
+
+
+def _folded(names: str, content: str) -> str:
+    return f"<details><summary>Options of {names}</summary>\n\n{content}\n</details>\n"
 
 
 def windows() -> str:
@@ -194,16 +261,8 @@ def positionings() -> str:
 
 
 def solver_options() -> str:
-    parts = []
-    for name, solver in SOLVERS.items():
-        rows = [
-            (code(option), plain(fact.default), fact.allowed, fact.description)
-            for option, fact in option_facts(solver.options_model).items()
-        ]
-        if rows:
-            parts.append(f"<details><summary>Options of {code(name)}</summary>\n\n")
-            parts.append(table(("option", "default", "allowed", "meaning"), rows) + "\n</details>\n\n")
-    return "".join(parts).rstrip("\n") + "\n"
+    rows = {name: _option_rows(solver.options_model) for name, solver in SOLVERS.items()}
+    return "\n".join(_family_table([name], rows) for name in rows if rows[name])
 
 
 def outputs() -> str:
@@ -213,28 +272,14 @@ def outputs() -> str:
     return table(("format", "suffix", "what"), rows)
 
 
-def consumer_formats() -> str:
-    rows = [
-        (
-            code(name),
-            item.consumer,
-            " ".join(map(code, item.suffixes)),
-            item.description.removesuffix(f" ({item.consumer})"),
-        )
-        for name, item in EXPORTS.items()
-        if item.consumer
-    ]
-    return table(("name", "for", "suffixes", "what"), rows)
-
-
 def consumer_options() -> str:
-    rows = [
-        (code(name), code(option), plain(fact.default), fact.allowed, fact.description)
-        for name, item in EXPORTS.items()
-        if item.consumer
-        for option, fact in option_facts(item.options).items()
-    ]
-    return table(("name", "option", "default", "allowed", "meaning"), rows)
+    """One row for each option; formats that share it stand together."""
+    sharing: dict[tuple[str, ...], list[str]] = {}
+    for name, item in EXPORTS.items():
+        for row in _option_rows(item.options) if item.consumer else ():
+            sharing.setdefault(row, []).append(code(name))
+    rows = [(" ".join(names), *row) for row, names in sharing.items()]
+    return table(("name", "option", "default", "meaning"), rows)
 
 
 def metrics() -> str:
@@ -267,7 +312,6 @@ MAKERS: dict[str, Callable[[], str]] = {
         positionings,
         solver_options,
         outputs,
-        consumer_formats,
         consumer_options,
         metrics,
     )

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 _HEADER = ("quantity", "unit", "published", "ours: median", "least", "most", "seeds")
-_TEXT_COLUMNS = {"", "quantity", "unit", "published"}
+_TEXT_COLUMNS = {"", "quantity", "unit", "published", "ours"}
 """Columns that stand to the left; figures stand to the right."""
 
+_PUBLISHED = "published"
 Table = list[tuple[str, ...]]
 
 
@@ -67,13 +68,48 @@ def text_table(rows: Sequence[Row]) -> str:
 
 
 def markdown_table(rows: Sequence[Row]) -> str:
-    """One experiment's rows as a Markdown table, with the notes as a list below."""
-    head, *body = _table(rows)
+    """One experiment's rows as a Markdown table, with the notes as a list below: a line a row, or a subject."""
+    if all(": " in row.quantity for row in rows):
+        return _markdown(_by_subject(rows), _notes(rows))
+    lines = [(row.quantity, row.unit, row.published or "-", spread(row)) for row in rows]
+    return _markdown([("quantity", "unit", "published", "ours"), *lines], _notes(rows))
+
+
+def side_by_side(rows: Sequence[Row]) -> str:
+    """Several experiments as one Markdown table: a line a quantity, a column an experiment, in italics what is printed.
+
+    The notes stand below as a list.
+    """
+    columns = list(by_experiment(rows))
+    cells = {
+        (row.quantity, row.experiment): f"{spread(row)} *{row.published}*".removesuffix(" **").removesuffix(
+            " *-*"
+        )
+        for row in rows
+    }
+    units = {row.quantity: row.unit for row in rows}
+    lines = [
+        (f"{quantity}, {unit}" if unit else quantity, *(cells.get((quantity, name), "-") for name in columns))
+        for quantity, unit in units.items()
+    ]
+    notes_of: dict[str, set[str]] = {}
+    for row in rows:
+        notes_of.setdefault(row.quantity, set()).update([row.note] if row.note else [])
+    named = [
+        replace(row, quantity=f"{row.quantity} ({row.experiment})")
+        if len(notes_of[row.quantity]) > 1
+        else row
+        for row in rows
+    ]
+    return _markdown([("quantity", *columns), *lines], _notes(named))
+
+
+def _markdown(table: Table, notes: Sequence[str]) -> str:
+    head, *body = table
     rule = ["---" if name in _TEXT_COLUMNS else "---:" for name in head]
     lines = [
         "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in (head, rule, *body)
     ]
-    notes = _notes(rows)
     return "\n".join([*lines, "", *notes] if notes else lines)
 
 
@@ -92,18 +128,30 @@ def _cells(row: Row) -> tuple[str, ...]:
 
 
 def _by_subject(rows: Sequence[Row]) -> Table:
-    """A line a subject, a column a quantity: the median and, where seeds differ, least and most."""
-    tables: dict[str, dict[str, str]] = {}
+    """A line a subject, a column a quantity; first what is printed, where anything is."""
+    tables: dict[str, dict[str, str]] = {_PUBLISHED: {}}
     for row in rows:
         subject, _, quantity = row.quantity.partition(": ")
-        values = _finite(row)
-        least, most = (number(values[k]) if values else "-" for k in (0, -1))
-        spread = "" if least == most else f" ({least} to {most})"
         title = f"{quantity}, {row.unit}" if row.unit else quantity
-        tables.setdefault(subject, {})[title] = number(median(values)) + spread
-    columns = tuple(dict.fromkeys(title for line in tables.values() for title in line))
+        tables.setdefault(subject, {})[title] = spread(row)
+        if row.published:
+            tables[_PUBLISHED][title] = row.published
+    if not tables[_PUBLISHED]:
+        del tables[_PUBLISHED]
+    columns = tuple(
+        dict.fromkeys(title for subject in tables if subject != _PUBLISHED for title in tables[subject])
+    )
     lines = [(subject, *(line.get(title, "-") for title in columns)) for subject, line in tables.items()]
     return [("", *columns), *lines]
+
+
+def spread(row: Row) -> str:
+    """The median and, where seeds differ, least and most; a dash without a value."""
+    values = _finite(row)
+    if not values:
+        return "-"
+    least, most = number(values[0]), number(values[-1])
+    return number(median(values)) + ("" if least == most else f" ({least} to {most})")
 
 
 def _finite(row: Row) -> list[float]:
@@ -117,7 +165,7 @@ def _notes(rows: Sequence[Row]) -> list[str]:
     for row in rows:
         if row.note:
             about.setdefault(row.note, []).append(row.quantity)
-    return [f"- {'; '.join(names)}: {note}" for note, names in about.items()]
+    return [f"- {'; '.join(dict.fromkeys(names))}: {note}" for note, names in about.items()]
 
 
 def _aligned(line: Sequence[str], head: Sequence[str], widths: Sequence[int]) -> str:

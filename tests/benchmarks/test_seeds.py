@@ -17,9 +17,16 @@ def test_tables_are_renewed_in_their_place_only() -> None:
     page = "a\n<!-- table: calais -->\nold\n<!-- end -->\nb\n<!-- table: lahrech -->\n\n<!-- end -->\nc\n"
     once = seeds.renewed(page, "calais", [Row("Drive", "error", "m", "1", [2.0])])
     assert "old" not in once
-    assert once.startswith("a\n<!-- table: calais -->\n\n### Drive\n\n| quantity")
+    assert once.startswith("a\n<!-- table: calais -->\n\n| quantity | Drive |")
     assert once.endswith("\n<!-- end -->\nb\n<!-- table: lahrech -->\n\n<!-- end -->\nc\n")
     assert seeds.renewed(once, "calais", [Row("Drive", "error", "m", "1", [2.0])]) == once
+
+
+def test_experiments_that_differ_have_a_table_each() -> None:
+    once = seeds.renewed(
+        "<!-- table: saadaoui -->\n\n<!-- end -->\n", "saadaoui", [Row("Drive", "error", "m", "1", [2.0])]
+    )
+    assert once.startswith("<!-- table: saadaoui -->\n\n### Drive\n\n| quantity | unit |")
 
 
 def test_a_page_without_a_place_is_refused() -> None:

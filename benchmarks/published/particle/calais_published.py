@@ -82,10 +82,7 @@ UNSCENTED: list[Quantity] = [
     *_SLOPES,
 ]
 
-CASE_2 = "Calais, chapter 2: particle, variant ch2, the thesis's sensors, ASTER-like DEM by TIN"
-CASE_3 = "Calais, chapter 3: particle, variant ch3, the thesis's sensors, World-30-like DEM by FGA"
-CASE_3_DOPPLER = "Calais, chapter 3 with Doppler velocity, as particle does by default"
-CASE_UKF = "Calais: ukf-dem, ASTER-like DEM by TIN"
+CASE_2, CASE_3, CASE_3_DOPPLER, CASE_UKF = "chapter 2", "chapter 3", "chapter 3 with Doppler", "ukf-dem"
 
 _ACCELEROMETER = (
     "Against the truth the error is the accelerometer's own noise of 0.05 m/s2; the thesis compares with a "
@@ -122,7 +119,7 @@ _ALTITUDE_2 = (
 _ALTITUDE_3 = (
     "Slow GNSS errors remain against the truth. Beside positions alone ours is no closer than in chapter 2, "
     "for pitch takes the estimate away from a reference that knows climb only from heights; beside a reference "
-    "with velocity it is as printed (next table)."
+    "with velocity it is as printed."
 )
 _ALTITUDE_3_DOPPLER = (
     "Beside GNSS alone, the thesis's measure, it is as printed and below 0.6 m on every drive. Against the "

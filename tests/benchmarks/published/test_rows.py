@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from published.rows import Row, markdown_table, number, text_table
+from published.rows import Row, markdown_table, number, side_by_side, text_table
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def test_numbers_have_three_digits(value: float, text: str) -> None:
 def test_a_row_shows_median_and_extremes_of_the_known_seeds() -> None:
     row = Row("e", "error", "m", "0.30", [4.0, float("nan"), 1.0, 2.0], "Because.")
     lines = markdown_table([row]).splitlines()
-    assert lines[2] == "| error | m | 0.30 | 2.00 | 1.00 | 4.00 | 3 |"
+    assert lines[2] == "| error | m | 0.30 | 2.00 (1.00 to 4.00) |"
     assert lines[-1] == "- error: Because."
     text = text_table([row]).splitlines()
     assert text[0] == "e"
@@ -34,7 +34,7 @@ def test_a_row_shows_median_and_extremes_of_the_known_seeds() -> None:
 
 
 def test_a_row_without_a_value_shows_dashes() -> None:
-    assert "| e | - | - | - | - | 0 |" in markdown_table([Row("x", "q", "e", "", [])])
+    assert "| q | e | - | - |" in markdown_table([Row("x", "q", "e", "", [])])
 
 
 def test_subjects_get_a_line_each() -> None:
@@ -47,6 +47,32 @@ def test_subjects_get_a_line_each() -> None:
     assert lines[0] == "|  | RMSE, % | time, s |"
     assert lines[2:4] == ["| a | 2.00 (1.00 to 3.00) | 0.500 |", "| b | 4.00 | - |"]
     assert lines[-1] == "- a: RMSE; b: RMSE: Odd."
+
+
+def test_what_is_printed_stands_above_the_subjects() -> None:
+    lines = markdown_table([Row("e", "a: RMSE", "%", "3 to 4", [1.0]), Row("e", "a: time", "s", "", [2.0])])
+    assert lines.splitlines()[2:] == ["| published | 3 to 4 | - |", "| a | 1.00 | 2.00 |"]
+
+
+def test_experiments_stand_side_by_side() -> None:
+    rows = [
+        Row("one", "error", "m", "0.30", [1.0, 2.0, 4.0], "Of one."),
+        Row("one", "rate", "%", "-", [5.0], "Of both."),
+        Row("two", "error", "m", "", [3.0], "Of two."),
+        Row("two", "rate", "%", "", [6.0], "Of both."),
+        Row("two", "count", "", "", [7.0]),
+    ]
+    assert side_by_side(rows).splitlines() == [
+        "| quantity | one | two |",
+        "| --- | ---: | ---: |",
+        "| error, m | 2.00 (1.00 to 4.00) *0.30* | 3.00 |",
+        "| rate, % | 5.00 | 6.00 |",
+        "| count | - | 7.00 |",
+        "",
+        "- error (one): Of one.",
+        "- rate: Of both.",
+        "- error (two): Of two.",
+    ]
 
 
 def test_pipes_do_not_break_a_table() -> None:
