@@ -32,14 +32,12 @@ CELLS_AT_ONCE = 64
 
 _SIDE = 1 << ZOOM
 
-_OF_CELLS = text(
-    f"""
+_OF_CELLS = text(f"""
     SELECT box.id AS read_for, s.cell, {ROAD_COLUMNS}
     FROM unnest(:cells, :west, :south, :east, :north) AS box (id, west, south, east, north)
     JOIN segments AS s ON s.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326)
     ORDER BY box.id, {ROAD_ORDER}
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 
 @dataclass(frozen=True, eq=False)

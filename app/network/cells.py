@@ -37,11 +37,9 @@ OVER = """
 """
 _CELLS_OVER = text(OVER.format(where="s.id = ANY(CAST(:ids AS bigint[]))") + "ORDER BY id")
 
-_MAKE = text(
-    """
+_MAKE = text("""
     INSERT INTO cells (id) SELECT unnest(CAST(:ids AS integer[])) ORDER BY 1 ON CONFLICT (id) DO NOTHING
-    """
-)
+""")
 _VERSIONS = text("SELECT id, version FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id")
 # Nobody waits: a server logs every wait that times out as an error.
 _TAKE = text(
@@ -49,15 +47,12 @@ _TAKE = text(
 )
 
 # Locked in the same order.
-_RAISE = text(
-    """
+_RAISE = text("""
     INSERT INTO cells AS c (id, version) SELECT unnest(CAST(:ids AS integer[])), 1 ORDER BY 1
     ON CONFLICT (id) DO UPDATE SET version = c.version + 1, changed_at = clock_timestamp()
-    """
-)
+""")
 
-_SUM_DRIVEN = text(
-    """
+_SUM_DRIVEN = text("""
     WITH by_class AS (
         SELECT s.cell, s.highway, count(*) AS n, sum(s.length_m) AS m
         FROM segments AS s JOIN segment_slopes AS a ON a.segment_id = s.id
@@ -68,36 +63,29 @@ _SUM_DRIVEN = text(
     UPDATE cells AS c SET driven = coalesce(summed.driven, '{}')
     FROM unnest(CAST(:ids AS integer[])) AS one (id) LEFT JOIN summed ON summed.cell = one.id
     WHERE c.id = one.id AND c.driven <> coalesce(summed.driven, '{}')
-    """
-)
+""")
 
 # Neighbours are so near that a wide subnetwork over one cell reaches into the other.
-_UNSETTLE = text(
-    """
+_UNSETTLE = text("""
     UPDATE cells SET unsettled_since = clock_timestamp()
     WHERE unsettled_since IS NULL AND id IN (
         SELECT id + (dx << 14) + dy FROM unnest(CAST(:ids AS integer[])) AS near (id),
             generate_series(-1, 1) AS dx, generate_series(-1, 1) AS dy)
-    """
-)
+""")
 _TAKE_UNSETTLED = text("UPDATE cells SET unsettled_since = NULL WHERE id = ANY(CAST(:ids AS integer[]))")
-_UNSETTLED = text(
-    """
+_UNSETTLED = text("""
     SELECT id FROM cells WHERE unsettled_since < clock_timestamp() - make_interval(secs => :age_s)
     ORDER BY unsettled_since, id LIMIT :limit
-    """
-)
+""")
 
 # The sum changes with every cell; the time differs between two databases behind one address.
-_TAG = text(
-    """
+_TAG = text("""
     SELECT coalesce(sum(version), 0) AS version,
            coalesce(CAST(extract(epoch FROM max(changed_at)) * 1000000 AS bigint), 0) AS changed_us
     FROM cells
     WHERE id BETWEEN (CAST(:x0 AS integer) << 14) AND (CAST(:x1 AS integer) << 14 | 16383)
         AND (id & 16383) BETWEEN :y0 AND :y1
-    """
-)
+""")
 
 _LAST_CHANGE = text("SELECT max(changed_at) FROM cells WHERE version > 0")
 

@@ -39,11 +39,9 @@ MOST_CONDENSED = 5000
 # only those parts of the table.
 OF_DRIVE = "drive_id = {0}drive_id{1} AND partition = ANY(CAST({0}partitions{1} AS smallint[]))"
 _MINE = OF_DRIVE.format("%(", ")s")
-_PARTITIONS = text(
-    """
+_PARTITIONS = text("""
     SELECT DISTINCT unnest(partitions) FROM drive_constants WHERE drive_id = ANY(CAST(:ids AS uuid[])) ORDER BY 1
-    """
-)
+""")
 
 _OVER = (
     "SELECT segment_id, evidence FROM condensed_passes WHERE segment_id = ANY(%(ids)s::bigint[]) ORDER BY id"
@@ -65,20 +63,16 @@ _LENGTHS = text("SELECT id, length_m FROM segments WHERE id = ANY(CAST(:ids AS b
 _CONSTANTS = "SELECT drive_id, evidence, passes FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
 # Drives that somebody replaces, removes or marks as duplicates just now are left alone; others who want that wait.
-_KEEP_DRIVES = text(
-    """
+_KEEP_DRIVES = text("""
     SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND duplicate_of IS NULL
     ORDER BY id FOR SHARE SKIP LOCKED
-    """
-)
-_MARK_CONDENSED = text(
-    """
+""")
+_MARK_CONDENSED = text("""
     UPDATE drive_passes AS p SET condensed_weight = t.weight
     FROM unnest(CAST(:ids AS bigint[]), CAST(:weights AS float8[])) AS t (id, weight)
     WHERE p.id = t.id AND p.partition = ANY(CAST(:partitions AS smallint[])) AND p.condensed_weight IS NULL
     RETURNING p.id
-    """
-)
+""")
 _MARK_RECENT = f"""
     WITH condensed AS MATERIALIZED (
         SELECT id, partition, condensed_weight FROM drive_passes WHERE {_MINE} AND condensed_weight IS NOT NULL

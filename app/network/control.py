@@ -15,13 +15,11 @@ from fusion.frames import SHORTEST_DEGREE_M
 from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
 from fusion.roads.table import RoadTable
 
-_NEAR = text(
-    """
+_NEAR = text("""
     SELECT lon_deg, lat_deg, height_m, sigma_m, name FROM control_points
     WHERE lon_deg BETWEEN :west AND :east AND lat_deg BETWEEN :south AND :north
     ORDER BY lon_deg, lat_deg
-    """
-)
+""")
 
 
 def control_near(session: Session, bounds_deg: Bounds) -> list[ControlPoint]:

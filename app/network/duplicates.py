@@ -23,8 +23,7 @@ _ITS = OF_DRIVE.format(":", "")
 
 # Drives that the rule can take for this one, and a few more: through an index by segment and time, so that the cost is
 # that of the drive itself.
-_CANDIDATES = text(
-    f"""
+_CANDIDATES = text(f"""
     SELECT other.drive_id
     FROM (SELECT segment_id, partition, entered_s FROM drive_passes WHERE {_ITS}) AS mine
     JOIN drive_passes AS other
@@ -34,8 +33,7 @@ _CANDIDATES = text(
     HAVING count(DISTINCT mine.segment_id) > :share * least(
         (SELECT count(DISTINCT segment_id) FROM drive_passes WHERE {_ITS}),
         (SELECT count(DISTINCT segment_id) FROM drive_passes AS o WHERE o.drive_id = other.drive_id))
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 _ENTRIES = """
     SELECT drive_id, segment_id, entered_s FROM drive_passes
@@ -49,12 +47,10 @@ _DUPLICATES_OF = text("SELECT id FROM drives WHERE duplicate_of = :drive_id")
 _FORMER = text("SELECT id, duplicate_of FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256")
 _COUNTING = text("SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND duplicate_of IS NULL")
 _SET_DUPLICATE_OF = text("UPDATE drives SET duplicate_of = :duplicate_of WHERE id = :drive_id")
-_SEGMENTS = text(
-    """
+_SEGMENTS = text("""
     SELECT DISTINCT segment_id FROM drive_passes
     WHERE drive_id = ANY(CAST(:ids AS uuid[])) AND partition = ANY(CAST(:partitions AS smallint[]))
-    """
-)
+""")
 
 
 def duplicates_of(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:

@@ -25,36 +25,29 @@ ROAD_COLUMNS = """s.id, s.osm_way_id, s.from_node, s.to_node, ST_AsBinary(s.geom
 ROAD_ORDER = "s.osm_way_id, s.from_node, s.to_node"
 
 _ALL = text(f"SELECT {ROAD_COLUMNS} FROM segments AS s ORDER BY {ROAD_ORDER}")  # noqa: S608 - constants
-_IN_BOX = text(
-    f"""
+_IN_BOX = text(f"""
     SELECT {ROAD_COLUMNS} FROM segments AS s
     WHERE s.geom && ST_MakeEnvelope(:west, :south, :east, :north, 4326)
     ORDER BY {ROAD_ORDER}
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
-_IDS_IN = text(
-    """
+_IDS_IN = text("""
     SELECT DISTINCT s.id
     FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
                 CAST(:north AS float8[])) AS box (west, south, east, north)
     JOIN segments AS s ON s.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326)
     WHERE s.id > :after ORDER BY s.id
-    """
-)
+""")
 _BY_IDS = text(
     f"SELECT {ROAD_COLUMNS} FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) ORDER BY {ROAD_ORDER}"  # noqa: S608 - constants
 )
 
-_WITHOUT_HEIGHTS = text(
-    f"""
+_WITHOUT_HEIGHTS = text(f"""
     SELECT {ROAD_COLUMNS} FROM segments AS s
     WHERE s.id IN (SELECT id FROM segments WHERE id > :after AND {WITHOUT_HEIGHTS} ORDER BY id LIMIT :limit)
     ORDER BY {ROAD_ORDER}
-    """  # noqa: S608 - constants
-)
-_WITHOUT_HEIGHTS_IN = text(
-    f"""
+""")  # noqa: S608 - constants
+_WITHOUT_HEIGHTS_IN = text(f"""
     SELECT {ROAD_COLUMNS} FROM segments AS s
     WHERE EXISTS (SELECT FROM segments WHERE {WITHOUT_HEIGHTS})
         AND s.id IN (
@@ -64,8 +57,7 @@ _WITHOUT_HEIGHTS_IN = text(
             JOIN segments AS i ON i.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326)
             WHERE {WITHOUT_HEIGHTS})
     ORDER BY {ROAD_ORDER}
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 
 def roads_within(session: Session, bounds_deg: Bounds) -> tuple[RoadTable, Ints]:

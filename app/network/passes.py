@@ -65,22 +65,18 @@ _CONSTANTS = "SELECT drive_id, passes, evidence FROM drive_constants WHERE drive
 
 # A new drive can turn others' passes from accepted to rejected or back. A drive that is being removed takes its rows
 # along; passes that were condensed meanwhile stay as they were condensed.
-_REJECT = text(
-    """
+_REJECT = text("""
     INSERT INTO rejected_passes (segment_id, pass_id, drive_id)
     SELECT segment_id, id, drive_id FROM drive_passes
     WHERE id = ANY(CAST(:ids AS bigint[])) AND partition = ANY(CAST(:partitions AS smallint[]))
         AND condensed_weight IS NULL
     FOR KEY SHARE SKIP LOCKED
     ON CONFLICT DO NOTHING
-    """
-)
-_ACCEPT = text(
-    """
+""")
+_ACCEPT = text("""
     DELETE FROM rejected_passes
     WHERE segment_id = ANY(CAST(:segments AS bigint[])) AND pass_id = ANY(CAST(:ids AS bigint[]))
-    """
-)
+""")
 
 _ENTRY_SECONDS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_ITS}")  # noqa: S608 - constants
 

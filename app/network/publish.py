@@ -25,8 +25,7 @@ _COLUMNS = ", ".join(f"CAST(:{name} AS {_TYPES.get(name, 'float8')}[])" for name
 
 # The network's own slope first, then each drive in order, so that the same parts always combine to the same
 # bits. The drives of the network are in its slope already.
-_PARTS = text(
-    f"""
+_PARTS = text(f"""
     SELECT segment_id, {", ".join(_SLOPE)}, drive_id IS NULL AS network, of_terrain, {", ".join(NETWORK_ONLY)}
     FROM (
         SELECT {", ".join(_NAMES)}, NULL AS drive_id, false AS of_terrain
@@ -38,8 +37,7 @@ _PARTS = text(
         WHERE e.segment_id = ANY(CAST(:ids AS bigint[])) AND NOT e.in_network
     ) AS part
     ORDER BY segment_id, drive_id NULLS FIRST
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 # Only rows that differ are written.
 _UNLESS_EQUAL = f"""
@@ -49,36 +47,29 @@ _UNLESS_EQUAL = f"""
         ({", ".join(f"excluded.{name}" for name in _NAMES[1:])})
     RETURNING segment_id
 """
-_WRITE_AGGREGATES = text(
-    f"""
+_WRITE_AGGREGATES = text(f"""
     INSERT INTO segment_slopes AS a ({", ".join(_NAMES)}) SELECT * FROM unnest({_COLUMNS})
     {_UNLESS_EQUAL}
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 # A slope of the network alone stays as it is (``published_slope``), so nearly all are copied in one statement.
 _MIXED = text(
     "SELECT DISTINCT segment_id FROM drive_segments WHERE segment_id = ANY(:ids) AND NOT in_network ORDER BY 1"
 )
-_COPY_NETWORK = text(
-    f"""
+_COPY_NETWORK = text(f"""
     INSERT INTO segment_slopes AS a ({", ".join(_NAMES)})
     SELECT {", ".join(_NAMES)} FROM network_slopes WHERE segment_id = ANY(:ids) ORDER BY segment_id
     {_UNLESS_EQUAL}
-    """  # noqa: S608 - constants
-)
-_CLEAR_WITHOUT = text(
-    """
+""")  # noqa: S608 - constants
+_CLEAR_WITHOUT = text("""
     DELETE FROM segment_slopes AS a
     WHERE segment_id = ANY(:ids) AND NOT EXISTS (SELECT FROM network_slopes AS n WHERE n.segment_id = a.segment_id)
     RETURNING segment_id
-    """
-)
+""")
 
 # Slopes of a former model that rest on nothing any more. A drive that waits to be computed may support them again:
 # until then they stay.
-_LEFT_OVER = text(
-    """
+_LEFT_OVER = text("""
     SELECT a.segment_id FROM segment_slopes AS a
     WHERE NOT EXISTS (SELECT FROM network_slopes AS n WHERE n.segment_id = a.segment_id)
         AND NOT EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = a.segment_id AND NOT e.in_network)
@@ -86,8 +77,7 @@ _LEFT_OVER = text(
             SELECT FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id
             WHERE e.segment_id = a.segment_id AND d.status IN ('queued', 'running'))
     ORDER BY a.segment_id
-    """
-)
+""")
 
 
 def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> list[int]:

@@ -50,16 +50,13 @@ _DELETE_ESTIMATES = text("DELETE FROM drive_segments WHERE drive_id = :drive_id 
 _DELETE_PROVENANCE = text("DELETE FROM provenances WHERE drive_id = :drive_id")
 _COUNTS = text("SELECT duplicate_of IS NULL FROM drives WHERE id = :drive_id")
 
-_INSERT_PROVENANCE = text(
-    """
+_INSERT_PROVENANCE = text("""
     INSERT INTO provenances (drive_id, method, options, code_version, road_version_id, road_state, dem_version_id)
     VALUES (:drive_id, :method, CAST(:options AS jsonb), :code_version, :road_version_id, :road_state, :dem_version_id)
     RETURNING id
-    """
-)
+""")
 
-_INSERT_ESTIMATES = text(
-    """
+_INSERT_ESTIMATES = text("""
     INSERT INTO drive_segments (drive_id, segment_id, slope_percent, slope_sigma_percent, observations,
                                 passes, first_at, last_at, provenance_id, in_network)
     SELECT :drive_id, t.segment_id, t.slope, t.sigma, t.observations, t.passes, to_timestamp(t.first_at),
@@ -68,8 +65,7 @@ _INSERT_ESTIMATES = text(
                 CAST(:observations AS integer[]), CAST(:passes AS integer[]),
                 CAST(:first_at AS float8[]), CAST(:last_at AS float8[]))
          AS t (segment_id, slope, sigma, observations, passes, first_at, last_at)
-    """
-)
+""")
 
 
 def begin_change(session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor] = ()) -> None:

@@ -22,8 +22,7 @@ _WIDE_CELLS = 100
 _STATES = text("SELECT id, road_state FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id")
 
 # By boxes, as roads are read, and a little wider: indexes hold boxes in single precision.
-_MET = text(
-    """
+_MET = text("""
     WITH corner AS (
         SELECT DISTINCT versant_cell(ST_XMin(geom_3857) - 5, ST_YMax(geom_3857) + 5) AS first,
                versant_cell(ST_XMax(geom_3857) + 5, ST_YMin(geom_3857) - 5) AS last
@@ -35,12 +34,10 @@ _MET = text(
     FROM box, generate_series(x0, x1) AS x, generate_series(y0, y1) AS y
     WHERE (x1 - x0 + 1) * (y1 - y0 + 1) <= :wide
     UNION ALL SELECT :all_cells WHERE EXISTS (SELECT FROM box WHERE (x1 - x0 + 1) * (y1 - y0 + 1) > :wide)
-    """
-)
+""")
 
 # Together with the versions of cells, in one order, so that two writers do not deadlock.
-_RAISE = text(
-    """
+_RAISE = text("""
     INSERT INTO cells AS c (id, version, road_state, course_state)
     SELECT id, CAST(shown AS integer), CASE WHEN met THEN :state ELSE 0 END, CASE WHEN course THEN :state ELSE 0 END
     FROM (SELECT id, bool_or(kind = 0) AS shown, bool_or(kind = 1) AS met, bool_or(kind = 2) AS course
@@ -53,8 +50,7 @@ _RAISE = text(
         SET version = c.version + excluded.version, road_state = greatest(c.road_state, excluded.road_state),
             course_state = greatest(c.course_state, excluded.course_state),
             changed_at = CASE WHEN excluded.version > 0 THEN clock_timestamp() ELSE c.changed_at END
-    """
-)
+""")
 
 
 def state_of(version_id: int, step: int) -> int:

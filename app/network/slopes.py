@@ -31,15 +31,13 @@ _MOVED = " OR ".join(
     )
 )
 _EXACT = ("drives", "observations", "driven_share", "height_from_m", "height_to_m")
-_WRITE = text(
-    f"""
+_WRITE = text(f"""
     INSERT INTO network_slopes AS n ({", ".join(_NAMES)}) SELECT * FROM unnest({_COLUMNS})
     ON CONFLICT (segment_id) DO UPDATE SET {", ".join(f"{name} = excluded.{name}" for name in _NAMES[1:])}
     WHERE {_MOVED} OR ({", ".join(f"n.{name}" for name in _EXACT)})
         IS DISTINCT FROM ({", ".join(f"excluded.{name}" for name in _EXACT)})
     RETURNING segment_id
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 _HEIGHTS = """
     SELECT segment_id, height_from_m, height_to_m FROM network_slopes
     WHERE segment_id = ANY(%(ids)s::bigint[]) AND height_from_m IS NOT NULL

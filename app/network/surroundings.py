@@ -23,12 +23,10 @@ from fusion.network.terrain import Terrain, heights_at
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
-_LINES = text(
-    """
+_LINES = text("""
     SELECT ST_X(ST_StartPoint(geom)), ST_Y(ST_StartPoint(geom)), ST_X(ST_EndPoint(geom)), ST_Y(ST_EndPoint(geom))
     FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))
-    """
-)
+""")
 
 # A segment is driven where a drive that is no duplicate has a pass; the first one is enough. OFFSET 0 makes the planner
 # look at passes before drives, whatever it believes of tables that have grown since.

@@ -49,38 +49,29 @@ _COLUMNS = "id, name, source_name, sha256, imported_at, segments, file_uri, file
 _FIND = text(f"SELECT {_COLUMNS} FROM regions WHERE name = :name")  # noqa: S608 - constants
 _ALL = text(f"SELECT {_COLUMNS} FROM regions ORDER BY id")  # noqa: S608 - constants
 _NAMES = text("SELECT name FROM regions ORDER BY name")
-_MAKE = text(
-    """
+_MAKE = text("""
     INSERT INTO regions (name, source_name, sha256, road_version_id, segments)
     VALUES (:name, :source_name, :sha256, :version, 0) RETURNING id
-    """
-)
-_NOTE = text(
-    """
+""")
+_NOTE = text("""
     UPDATE regions SET source_name = :source_name, sha256 = :sha256, road_version_id = :version,
         segments = :segments, imported_at = clock_timestamp(), file_uri = :file_uri, file_sha256 = :file_sha256,
         bounds = CAST(:bounds AS float8[])
     WHERE id = :id
-    """
-)
-_EXTENT = text(
-    """
+""")
+_EXTENT = text("""
     SELECT ST_XMin(e), ST_YMin(e), ST_XMax(e), ST_YMax(e)
     FROM (SELECT ST_Extent(geom) AS e FROM segments WHERE :id = ANY(regions)) AS x
-    """
-)
+""")
 _REMOVE = text("DELETE FROM regions WHERE id = :id")
 # Of what is published: a look at each driven segment, not at what each drive says of it.
-_DRIVEN = text(
-    """
+_DRIVEN = text("""
     SELECT r.name, count(*) FROM segment_slopes AS a JOIN segments AS s ON s.id = a.segment_id
     CROSS JOIN LATERAL unnest(s.regions) AS of_region JOIN regions AS r ON r.id = of_region
     WHERE a.drives > 0 GROUP BY r.name
-    """
-)
+""")
 _STANDING = text("SELECT name, source_name, imported_at, segments, bounds FROM regions ORDER BY name")
-_FIGURES = text(
-    """
+_FIGURES = text("""
     SELECT r.name, r.source_name, r.imported_at, r.segments, coalesce(m.measured, 0) AS measured
     FROM regions AS r LEFT JOIN (
         SELECT region, count(*) AS measured
@@ -88,8 +79,7 @@ _FIGURES = text(
         JOIN segments AS s ON s.id = e.segment_id, unnest(s.regions) AS region
         GROUP BY region) AS m ON m.region = r.id
     ORDER BY r.name
-    """
-)
+""")
 
 
 def region_name(file_name: str) -> str:

@@ -13,11 +13,9 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
 
-_EXTENT = text(
-    """
+_EXTENT = text("""
     SELECT ST_XMin(e), ST_YMin(e), ST_XMax(e), ST_YMax(e) FROM (SELECT ST_Extent(geom) AS e FROM segments) AS x
-    """
-)
+""")
 
 _CROWDED = text("SELECT cell, count(*) FROM segments GROUP BY cell")
 
@@ -49,34 +47,28 @@ class RoadVersionRow:
 
 
 # The whole network is as it was until the import has ended.
-_BEGIN = text(
-    """
+_BEGIN = text("""
     INSERT INTO road_versions (source_name, sha256, segments, kept, moved, dropped, added, length_m, region)
     SELECT :source_name, :sha256, coalesce(last.segments, 0), 0, 0, 0, 0,
            CASE WHEN last.id IS NULL THEN 0 ELSE last.length_m END, :region
     FROM (SELECT 1) AS one LEFT JOIN (SELECT * FROM road_versions ORDER BY id DESC LIMIT 1) AS last ON true
     RETURNING id, imported_at
-    """
-)
-_END = text(
-    """
+""")
+_END = text("""
     UPDATE road_versions
     SET kept = :kept, moved = :moved, dropped = :dropped, added = :added, imported_at = clock_timestamp(),
         segments = whole.segments, length_m = whole.length_m
     FROM (SELECT count(*) AS segments, coalesce(sum(length_m), 0) AS length_m FROM segments) AS whole
     WHERE id = :id
-    """
-)
+""")
 # The planner must not go by the figures of an empty table until autovacuum comes round.
 _ANALYZE = text("ANALYZE segments")
 _ROAD_VERSION = text("SELECT coalesce(max(id), 0) FROM road_versions")
 _ROAD_TAG = text("SELECT max(id), max(imported_at) FROM road_versions")
-_CURRENT = text(
-    """
+_CURRENT = text("""
     SELECT id, source_name, sha256, imported_at, segments, kept, moved, dropped, added
     FROM road_versions ORDER BY id DESC LIMIT 1
-    """
-)
+""")
 
 
 def road_version_id(session: Session) -> int:
