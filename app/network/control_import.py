@@ -10,11 +10,11 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.telemetry.events import imported
-from app.network.control import widened
 from app.network.extracts import roads_within
 from app.network.locks import own_network
 from app.network.marks import append_marks
 from app.network.settle import settle_about
+from app.network.solve import widened
 from fusion.network.control import ControlPoint, place
 from fusion.types import Progress, no_progress
 

@@ -41,7 +41,7 @@ class RunProvenance:
     road_version_id: int
     dem_version_id: int | None
     road_state: int | None = None
-    """The highest state of the cells whose roads were read (``app.network.road_states``)"""
+    """The highest state of the cells whose roads were read (``app.network.cells``)"""
 
 
 # The published slopes of these segments may rest on the drive: on its own estimates or, until it is computed again, on

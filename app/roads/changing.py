@@ -1,6 +1,6 @@
 """The steps of an import that write: each a short transaction of the caller that leaves everything consistent.
 
-In one transaction, a step changes roads, raises the states of their cells (``app.network.road_states``), marks what has
+In one transaction, a step changes roads, raises the states of their cells (``app.network.cells``), marks what has
 to be solved again, and names the drives to be computed again. So an import may be interrupted after any step, and
 another continues it. Steps that move evidence own the network; steps that only add or rename roads share it.
 """
@@ -15,10 +15,9 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
-from app.network.cells import beside, cells_over, count_driven
+from app.network.cells import WIDE, beside, cells_met, cells_over, count_driven, raise_roads
 from app.network.marks import append_marks
 from app.network.passes import partitions_of
-from app.network.road_states import WIDE, cells_met, raise_roads
 from app.roads.comparing import AGAIN
 from app.roads.retired import Return, put_passes, restore, retire
 from fusion.network.transfer import Carrying

@@ -21,8 +21,8 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
+from app.network.cells import LAST_STEP, state_of
 from app.network.locks import free_all, import_alone
-from app.network.road_states import LAST_STEP, state_of
 from app.network.swap import solve_all_marked
 from app.roads import region_files, regions, steps
 from app.roads.changing import touch

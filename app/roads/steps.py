@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy.orm import Session
 
+from app.network.cells import state_of
 from app.network.locks import own_network, share_network
-from app.network.road_states import state_of
 from app.roads import changing
 from app.roads.changing import Step
 from app.roads.comparing import Plan

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.settings.places import FilePlace
-from app.network.cells import cells_over, raise_versions
+from app.network.cells import cells_met, cells_over, raise_versions, road_states
 from app.network.extracts import (
     roads_of,
     roads_without_heights,
@@ -21,7 +21,6 @@ from app.network.extracts import (
     segment_ids_in,
 )
 from app.network.locks import own_heights, own_network
-from app.network.road_states import cells_met, road_states
 from app.terrain.store import (
     DemSet,
     PendingHeights,

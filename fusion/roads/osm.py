@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fusion.errors import RoadsError
 from fusion.roads.osm_size import refuse_bomb
-from fusion.roads.table import RoadTable
+from fusion.roads.table import DTYPE_OF, RoadTable
 from fusion.types import Progress, no_progress
 
 DRIVABLE = frozenset(
@@ -51,6 +51,7 @@ BROKEN: tuple[type[Exception], ...] = (
 _FORWARD = frozenset({"yes", "true", "1"})
 _BACKWARD = frozenset({"-1", "reverse"})
 _NO = frozenset({"no", "false", "0"})
+_OF_WAYS = ("oneway", "bridge", "tunnel", "layer", "highway", "name")
 _WAYS_PER_REPORT = 8192
 _SUFFIX_HINT = "Give an OpenStreetMap extract: .osm.pbf, .osm or .osm.gz."
 
@@ -203,12 +204,7 @@ def _segments(ways: _Ways) -> RoadTable:
         lat0_deg=_degrees(y[i]),
         lon1_deg=_degrees(x[i + 1]),
         lat1_deg=_degrees(y[i + 1]),
-        oneway=np.array(ways.oneway, np.int8)[w],
-        bridge=np.array(ways.bridge, np.bool_)[w],
-        tunnel=np.array(ways.tunnel, np.bool_)[w],
-        layer=np.array(ways.layer, np.int8)[w],
-        highway=np.array(ways.highway, np.object_)[w],
-        name=np.array(ways.name, np.object_)[w],
+        **{name: np.array(getattr(ways, name), DTYPE_OF[name])[w] for name in _OF_WAYS},
         skipped=skipped,
     )
 
