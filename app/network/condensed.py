@@ -6,7 +6,7 @@ of a pass and its part of a sum change in one transaction. So nobody waits for a
 the evidence as it was, and no pass is counted twice or not at all.
 
 What is subtracted is computed as it was when it was added. Whoever changes that computation
-(``fusion.network.condensed``, and what ``fusion.network.outside_passes`` makes of a pass) lets a migration empty
+(``fusion.network.condensed``) lets a migration empty
 ``condensed_passes`` and ``drive_passes.condensed_weight``: nothing is lost, and solvers condense anew.
 """
 
@@ -21,9 +21,8 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from fusion.network.condensed import CondensedPasses
+from fusion.network.condensed import CondensedPasses, ConstantsInformation
 from fusion.network.curve import knot_length
-from fusion.network.outside_passes import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 
 RECENT_PASSES = 48

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from fusion.filters.smoother import Smoothed
-from fusion.network.dem_outliers import displaced
 from fusion.network.pass_factor import PassFactor
+from fusion.network.terrain import displaced
 from fusion.profile.barometer import set_right_share
 from fusion.profile.blocks import Estimate
 from fusion.profile.factors import MIN_CONFIDENCE

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from fusion.profile.blocks import spaced
 from fusion.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, SENSORS, TERRAIN, Measurements
 from fusion.profile.model import BARO_DRIFT, BIAS, GRADE, HEIGHT, MOUNT, SQUAT, SmootherEpochs
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath
-from fusion.profile.sampling import spaced
 from fusion.types import LONGEST_BRIDGED_OUTAGE_S, DrawnMeasurements, Floats, Ints, Track
 
 PERIOD_S = 0.5
