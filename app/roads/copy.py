@@ -126,10 +126,7 @@ def _rows(
     columns: dict[str, Any] = {name: getattr(table, name, None) for name in _FIELDS}
     columns |= {"tag": codes, "dem_slope_percent": dem_slope_percent}
     degrees = np.column_stack([table.lon0_deg, table.lat0_deg, table.lon1_deg, table.lat1_deg])
-    columns |= {
-        "geom": _lines(degrees, SRID_DEGREES),
-        "geom_3857": _lines(web_mercator(degrees), SRID_TILES),
-    }
+    columns |= {"geom": _lines(degrees, SRID_DEGREES), "geom_3857": _lines(web_mercator(degrees), SRID_TILES)}
     knots = interval_count(knot_length(table.length_m)) + 1
     first = np.cumsum(knots) - knots
     known = np.concatenate([[0], np.cumsum(np.isfinite(dem_heights_m))])

@@ -27,15 +27,7 @@ from app.network.locks import free_all, import_alone
 from app.network.swap import solve_all_marked
 from app.roads import region_files, regions, steps
 from app.roads.changing import touch
-from app.roads.comparing import (
-    NOBODY,
-    count_again,
-    count_lost,
-    losses,
-    passes_on,
-    plan_import,
-    waiting_for,
-)
+from app.roads.comparing import NOBODY, count_again, count_lost, losses, passes_on, plan_import, waiting_for
 from app.roads.copy import copy_roads, forget_roads
 from app.roads.documents import USUAL, ImportCounts, Source, Wishes, refuse
 from app.roads.store import begin_version, end_version

@@ -185,10 +185,7 @@ _BOUNDS_DIGITS = 7
 
 
 def store_files(
-    paths: Sequence[Path],
-    dem_dir: FilePlace,
-    progress: Progress = no_progress,
-    limits: Limits = Limits(),
+    paths: Sequence[Path], dem_dir: FilePlace, progress: Progress = no_progress, limits: Limits = Limits()
 ) -> list[DemSource]:
     """Copy rasters to where they are kept; ``TerrainError`` for one that cannot be read or is beyond the limits,
     ``StorageFullError`` where there is no room. No database is involved.

@@ -100,10 +100,7 @@ class ConstantsInformation:
         keys, where = np.unique(np.concatenate([self.keys, other.keys]), axis=0, return_inverse=True)
         where = where.ravel()
         information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
-        for at, one, share in (
-            (where[: len(self.keys)], self, 1.0),
-            (where[len(self.keys) :], other, sign),
-        ):
+        for at, one, share in ((where[: len(self.keys)], self, 1.0), (where[len(self.keys) :], other, sign)):
             information[np.ix_(at, at)] += share * one.information
             vector[at] += share * one.vector
         return ConstantsInformation(keys, information, vector)

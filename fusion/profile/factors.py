@@ -19,13 +19,7 @@ from fusion.profile.measurements import Measurements
 from fusion.profile.model import DRIFT, JUMP_SIGMA, MOUNT, SmootherEpochs
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath
-from fusion.profile.traversals import (
-    PLACE_SIGMA_M,
-    Altimeter,
-    OnTraversals,
-    on_traversals,
-    segment_lengths,
-)
+from fusion.profile.traversals import PLACE_SIGMA_M, Altimeter, OnTraversals, on_traversals, segment_lengths
 from fusion.types import Bools, Floats, GnssFix, Ints
 
 
