@@ -31,7 +31,7 @@ from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
 from fusion.network.duplicates import DriveTrace, find_duplicates
 from fusion.network.pass_factor import PassFactor
 from fusion.network.subnetwork import gap_rows
-from fusion.network.terrain import heights_at
+from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.registry import DEFAULT_METHOD
 from fusion.report import Ground, advice_of, drive_report, ground_under, without_placeholders
@@ -282,7 +282,7 @@ def _solved(
     solved = driven | gap_rows(table, driven)
     table, rows = table.subset(solved), near[solved]
     row_of = {int(row): k for k, row in enumerate(rows)}
-    terrain = heights_at(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem else None
+    terrain = Terrain(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem else None
     own = {k: [f.over(row_of[f.segment]) for f in factors] for k, factors in enumerate(passes.values())}
     result = adjust(table, own, terrain, surveyed.among(solved))
     names = list(passes)

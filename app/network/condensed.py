@@ -199,7 +199,7 @@ def condensed_by_drive(
     over: dict[tuple[int, uuid.UUID], list[OldPass]] = {}
     for one in old:
         over.setdefault((one.factor.segment, one.drive_id), []).append(one)
-    constants = _drive_constants(session, {drive for _, drive in over})
+    constants = drive_constants(session, {drive for _, drive in over})
     lengths = _lengths(session, {segment for segment, _ in over})
     return {
         (segment, drive): _condensed(passes, constants[drive], lengths[segment])
@@ -255,7 +255,7 @@ def _condensed(
     )
 
 
-def _drive_constants(
+def drive_constants(
     session: Session, drive_ids: Collection[uuid.UUID]
 ) -> dict[uuid.UUID, tuple[ConstantsInformation, int]]:
     """What all passes of each drive say of its constants, and how many they are."""

@@ -61,9 +61,9 @@ _INSERT_ESTIMATES = text("""
                                 passes, first_at, last_at, provenance_id, in_network)
     SELECT :drive_id, t.segment_id, t.slope, t.sigma, t.observations, t.passes, to_timestamp(t.first_at),
            to_timestamp(t.last_at), :provenance_id, :in_network
-    FROM unnest(CAST(:segment_id AS bigint[]), CAST(:slope AS float8[]), CAST(:sigma AS float8[]),
+    FROM unnest(CAST(:segment_id AS bigint[]), CAST(:slope_percent AS float8[]), CAST(:slope_sigma_percent AS float8[]),
                 CAST(:observations AS integer[]), CAST(:passes AS integer[]),
-                CAST(:first_at AS float8[]), CAST(:last_at AS float8[]))
+                CAST(:first_time_s AS float8[]), CAST(:last_time_s AS float8[]))
          AS t (segment_id, slope, sigma, observations, passes, first_at, last_at)
 """)
 
@@ -139,15 +139,8 @@ def _delete_estimates(session: Session, drive_id: uuid.UUID) -> list[int]:
 
 
 def _insert_provenance(session: Session, drive_id: uuid.UUID, provenance: RunProvenance) -> int:
-    values = {
-        "drive_id": drive_id,
-        "method": provenance.method,
-        "options": json.dumps(plain_json(provenance.options)),
-        "code_version": provenance.code_version,
-        "road_version_id": provenance.road_version_id,
-        "road_state": provenance.road_state,
-        "dem_version_id": provenance.dem_version_id,
-    }
+    options = json.dumps(plain_json(provenance.options))
+    values = {**vars(provenance), "drive_id": drive_id, "options": options}
     return int(session.execute(_INSERT_PROVENANCE, values).scalar_one())
 
 
@@ -159,18 +152,14 @@ def _insert_estimates(
     estimates: Sequence[SegmentSlope],
     in_network: bool,
 ) -> None:
-    session.execute(
-        _INSERT_ESTIMATES,
-        {
-            "drive_id": drive_id,
-            "provenance_id": provenance_id,
-            "in_network": in_network,
-            "segment_id": np.array(ids),
-            "slope": np.array([e.slope_percent for e in estimates], float),
-            "sigma": np.array([e.slope_sigma_percent for e in estimates], float),
-            "observations": np.array([e.observations for e in estimates]),
-            "passes": np.array([e.passes for e in estimates]),
-            "first_at": np.array([e.first_time_s for e in estimates], float),
-            "last_at": np.array([e.last_time_s for e in estimates], float),
-        },
+    columns = (
+        "slope_percent",
+        "slope_sigma_percent",
+        "observations",
+        "passes",
+        "first_time_s",
+        "last_time_s",
     )
+    values = {name: np.array([getattr(e, name) for e in estimates]) for name in columns}
+    one = {"drive_id": drive_id, "provenance_id": provenance_id, "in_network": in_network}
+    session.execute(_INSERT_ESTIMATES, {**one, **values, "segment_id": np.array(ids)})

@@ -31,7 +31,7 @@ from fusion.network.curve import interval_count, knot_length
 from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
 from fusion.network.subnetwork import SOLVE_RADIUS_M, Subnetwork, boxes_around, subnetwork_around
-from fusion.network.terrain import Terrain, heights_at
+from fusion.network.terrain import Terrain
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
@@ -114,7 +114,7 @@ def stored_terrain(session: Session, table: RoadTable, ids: Ints) -> Terrain | N
         np.asarray(stored[i], float) if i in stored and len(stored[i]) == n else np.full(n, np.nan)
         for i, n in zip(ids.tolist(), count.tolist(), strict=True)
     ]
-    return heights_at(np.concatenate(heights))
+    return Terrain(np.concatenate(heights))
 
 
 _NEAR = text("""

@@ -112,7 +112,7 @@ def all_regions(session: Session) -> list[Region]:
 def known_region(session: Session, name: str) -> Region:
     """The region of this name; ``RoadsError`` where there is none, with those that there are."""
     if (region := find_region(session, name)) is None:
-        names = list(session.execute(_NAMES).scalars())
+        names = region_names(session)
         there = f"There are: {', '.join(names)}." if names else "There is none yet."
         raise RoadsError(f"There is no region {name!r}. {there}")
     return region

@@ -94,10 +94,10 @@ def begin_version(session: Session, source_name: str, sha256: str, region: str) 
     return int(row.id), row.imported_at
 
 
-def end_version(
-    session: Session, version_id: int, *, kept: int, moved: int, dropped: int, added: int
-) -> None:
-    """Note what the import did, and how large the network is now. Reads the whole table."""
-    values = {"id": version_id, "kept": kept, "moved": moved, "dropped": dropped, "added": added}
-    session.execute(_END, values)
+def end_version(session: Session, version_id: int, **counts: int) -> None:
+    """Note what the import did (``kept``, ``moved``, ``dropped``, ``added``), and how large the network is now.
+
+    Reads the whole table.
+    """
+    session.execute(_END, {"id": version_id, **counts})
     session.execute(_ANALYZE)

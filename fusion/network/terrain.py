@@ -266,8 +266,3 @@ def _shrunk(rates: Floats, default: float) -> float:
     seen = max(float(np.median(rates)) / _MEDIAN_OF_SQUARE, 1e-5)
     weight = len(rates) / (len(rates) + PRIOR_PAIRS)
     return float(np.exp(weight * np.log(seen) + (1 - weight) * np.log(default)))
-
-
-def heights_at(heights_m: Floats) -> Terrain:
-    """A model of unknown quality from its heights at the knots (``unknowns.knot_positions``)."""
-    return Terrain(np.asarray(heights_m, float))

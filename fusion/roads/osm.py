@@ -99,26 +99,9 @@ def _varint(message: bytes, at: int) -> tuple[int, int]:
     raise ValueError("a number in a blob is too long")
 
 
-DRIVABLE = frozenset(
-    {
-        "motorway",
-        "motorway_link",
-        "trunk",
-        "trunk_link",
-        "primary",
-        "primary_link",
-        "secondary",
-        "secondary_link",
-        "tertiary",
-        "tertiary_link",
-        "unclassified",
-        "residential",
-        "living_street",
-        "service",
-        "road",
-        "track",
-    }
-)
+_WITH_LINKS = ("motorway", "trunk", "primary", "secondary", "tertiary")
+_OTHERS = ("unclassified", "residential", "living_street", "service", "road", "track")
+DRIVABLE = frozenset((*_WITH_LINKS, *(f"{kind}_link" for kind in _WITH_LINKS), *_OTHERS))
 """The values of ``highway`` that make a way drivable."""
 
 BROKEN: tuple[type[Exception], ...] = (
