@@ -78,7 +78,7 @@ def import_roads(
 def list_regions(data_dir: DataDir = None, json_file: JsonFile = None) -> None:
     """Name each region, the file that it came from, and how many of its segments anything was measured on."""
     from app.cli.database import sessions
-    from app.roads.regions import region_figures
+    from app.roads.store import region_figures
 
     with sessions(data_dir) as (_, factory), factory() as session:
         regions = region_figures(session)

@@ -15,7 +15,7 @@ from app.network.settle import settle_network
 from app.operations.documents import Kind, Operation
 from app.roads.documents import ImportCounts, Wishes, remarks, summary
 from app.roads.imports import import_roads, remove_region
-from app.roads.regions import find_region
+from app.roads.store import find_region
 from app.terrain.coverage import effect_of_removal, rasters_over
 from app.terrain.files import request_limits, store_files
 from app.terrain.heights import renew_all

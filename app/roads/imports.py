@@ -25,12 +25,11 @@ from app.core.telemetry.events import imported
 from app.network.cells import LAST_STEP, state_of
 from app.network.locks import free_all, import_alone
 from app.network.swap import solve_all_marked
-from app.roads import region_files, regions, steps
+from app.roads import region_files, steps, store
 from app.roads.changing import touch
 from app.roads.comparing import NOBODY, count_again, count_lost, losses, passes_on, plan_import, waiting_for
 from app.roads.copy import copy_roads, forget_roads
 from app.roads.documents import USUAL, ImportCounts, Source, Wishes, refuse
-from app.roads.store import begin_version, end_version
 from app.terrain.heights import terrain_under
 from app.terrain.store import current_dem, dem_version_id
 from fusion.errors import RoadsError
@@ -64,11 +63,11 @@ def import_roads(
     what is kept of its region's file.
     """
     if not is_change_file(path):
-        name = regions.region_name(path.name) if region is None else regions.check_name(region)
+        name = store.region_name(path.name) if region is None else store.check_name(region)
         return _bring_file(sessions, path, path, Source(path.name, "", name), dem_dir, wishes, progress)
     with sessions() as session:
-        target = regions.changed_region(session, region, path.name)
-        bounds = regions.region_extent(session, target.id)
+        target = store.changed_region(session, region, path.name)
+        bounds = store.region_extent(session, target.id)
     with TemporaryDirectory(prefix="versant-") as folder:
         progress("applying changes", 0.0)
         updated = region_files.changed_file(dem_dir, target, path, bounds, Path(folder))
@@ -98,7 +97,7 @@ def _bring_file(
         return bring_in(sessions, table, source, dem_dir, wishes, progress)
     except BaseException:
         with sessions() as session:
-            known = regions.find_region(session, source.region)
+            known = store.find_region(session, source.region)
         if known is None or known.file_uri != uri:  # else the roads are in, and the file is theirs
             region_files.forget_file(dem_dir, uri)
         raise
@@ -116,7 +115,7 @@ def remove_region(
     Raises ``RoadsError`` where there is no such region, and for losses that nobody has accepted.
     """
     with sessions() as session:
-        region = regions.known_region(session, name)
+        region = store.known_region(session, name)
     source = Source(region.source_name, region.sha256, name)
     return bring_in(sessions, RoadTable.empty(), source, dem_dir, wishes, progress)
 
@@ -198,7 +197,7 @@ class _Import:
         """Copy the roads with the heights of now, compare, and say what would be done."""
         with self.transaction() as session:
             dem, self.dem_version = current_dem(session, dem_dir), dem_version_id(session)
-            known = regions.find_region(session, self.source.region)
+            known = store.find_region(session, self.source.region)
         self.former_uri = None if known is None else known.file_uri
         if self.source.based_on not in (None, self.former_uri):
             raise RoadsError(
@@ -214,7 +213,7 @@ class _Import:
 
     def compare(self, session: Session) -> ImportCounts:
         """Compare what was copied with what is stored."""
-        table, known = self.table, regions.find_region(session, self.source.region)
+        table, known = self.table, store.find_region(session, self.source.region)
         region_id = NOBODY if known is None else known.id
         self._plan = plan = plan_import(session, table, region_id, self.wishes.tolerance_m)
         self._passes = passes_on(session, plan)
@@ -249,9 +248,9 @@ class _Import:
         """Note that the import begins, and which drives wait for what it brings."""
         name, sha256, region = self.source.name, self.source.sha256, self.source.region
         with self.transaction() as session:
-            version, begun_at = begin_version(session, name, sha256, region)
-            known = regions.find_region(session, region)
-            number = known.id if known else regions.make_region(session, region, name, sha256, version)
+            version, begun_at = store.begin_version(session, name, sha256, region)
+            known = store.find_region(session, region)
+            number = known.id if known else store.make_region(session, region, name, sha256, version)
             touch(session, state_of(version, LAST_STEP), (), waiting_for(session, self._plan, self.table))
         return steps.Run(self.transaction, version, number, begun_at, self.dem_version, self.progress, pauses)
 
@@ -259,7 +258,7 @@ class _Import:
         """Note what the import has done. Drives that failed beside it for want of roads wait for them, too."""
         waiting = waiting_for(session, self._plan, self.table, run.begun_at)
         touch(session, state_of(run.version, LAST_STEP), (), waiting)
-        end_version(
+        store.end_version(
             session,
             run.version,
             kept=counts.kept + counts.renumbered + counts.reversed,
@@ -268,9 +267,9 @@ class _Import:
             added=counts.added,
         )
         if not len(self.table):
-            regions.forget_region(session, run.region)
+            store.forget_region(session, run.region)
             return
-        regions.note_import(
+        store.note_import(
             session,
             run.region,
             source_name=self.source.name,

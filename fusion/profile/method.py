@@ -35,8 +35,7 @@ from fusion.profile.measurements import (
 from fusion.profile.model import SmootherEpochs, build_smoother_epochs
 from fusion.profile.noise import Learned, learn
 from fusion.profile.path import DrivenPath, find_path
-from fusion.profile.report import drive_report
-from fusion.profile.track import build_track, drawn_measurements
+from fusion.profile.report import build_track, drawn_measurements, drive_report
 from fusion.profile.traversals import Altimeter
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem

@@ -24,10 +24,9 @@ from fusion.registry import Registry
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
-from fusion.terrain.local_grid import LocalGrid, polynomial
+from fusion.terrain.local_grid import LocalGrid, polynomial, tin_height
 from fusion.terrain.mosaic import DemPatch
 from fusion.terrain.plane import Plane, PlaneModel, plane_through
-from fusion.terrain.tin import tin_height
 from fusion.types import Floats, Ints
 
 TIN_MARGIN_M = 150.0
