@@ -27,11 +27,11 @@ from fusion.methods.computed_positions import (
 )
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
-from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
+from fusion.network.control import REACH_M, ControlPoint, place
 from fusion.network.duplicates import DriveTrace, find_duplicates
 from fusion.network.pass_factor import PassFactor
 from fusion.network.subnetwork import gap_rows
-from fusion.network.terrain import heights_at
+from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.registry import DEFAULT_METHOD
 from fusion.report import Ground, advice_of, drive_report, ground_under, without_placeholders
@@ -196,23 +196,42 @@ def solve_network(
     passes = {k: _in_file(drives[k], drives[k].result.factors) for k in numbers}
     near = surroundings([drives[k] for k in numbers])
     surveyed, far = place(control, roads.subset(near))
+    table = roads.subset(near)
+    driven = np.isin(near, [f.segment for factors in passes.values() for f in factors])
+    solved = driven | gap_rows(table, driven)
+    table, rows = table.subset(solved), near[solved]
+    terrain = Terrain(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem else None
+    row_of = {int(row): k for k, row in enumerate(rows)}
     for _ in range(LAG_ROUNDS):
-        solved = _solved(roads, dem, near, passes, surveyed)
+        own = {k: [f.over(row_of[f.segment]) for f in factors] for k, factors in enumerate(passes.values())}
+        result = adjust(table, own, terrain, surveyed.among(solved))
         anew = {
-            k: factors
-            for k, lag_s in solved.lag_s.items()
-            if (factors := factors_for_lag(drives[k].result, passes[k], lag_s))
+            numbers[k]: factors
+            for k, lag_s in result.lag_s.items()
+            if (factors := factors_for_lag(drives[numbers[k]].result, passes[numbers[k]], lag_s))
         }
         passes |= {k: _in_file(drives[k], factors) for k, factors in anew.items()}
         if not anew:
             break
-    for (number, _), weight in solved.accepted.items():
-        rejected[number] += weight == 0
-    remarks = [
+    accepted = Counter[tuple[int, int]]()
+    for (k, sequence), good in result.accepted.items():
+        accepted[numbers[k], next(f.segment for f in own[k] if f.sequence == sequence)] += good
+    for (number, _), count in accepted.items():
+        rejected[number] += count == 0
+    drives_on = Counter(row for (_, row), count in accepted.items() if count)
+    parts = result.parts([drives_on[row] for row in range(len(rows))])
+    away = [
         f"Control point {point.called} lies more than {REACH_M:g} m from the roads around the drives."
         for point in far
     ]
-    return SolvedNetwork(solved.parts, rejected, duplicates, remarks + solved.remarks)
+    undriven = [
+        f"Control point {name} lies on a road that no drive knows."
+        for name, row in zip(surveyed.names, surveyed.row.tolist(), strict=True)
+        if not solved[row]
+    ]
+    remarks = [*away, *undriven, *result.remarks, *(result.model.remarks(table) if result.model else ())]
+    known = {row: [part] for row, part in zip(rows.tolist(), parts, strict=True) if part is not None}
+    return SolvedNetwork(known, rejected, duplicates, remarks)
 
 
 def network_datum(
@@ -260,44 +279,3 @@ def factors_for_lag(
     before_s = factors[0].lag_s
     step_s = float(np.clip(LAG_GAIN * (lag_s - before_s), -LAG_STEP_S, LAG_STEP_S))
     return None if abs(step_s) < LAG_SETTLED_S else result.late_by(before_s + step_s)
-
-
-class _Solved(NamedTuple):
-    parts: dict[int, list[SlopePart]]
-    accepted: dict[tuple[int, int], int]
-    lag_s: dict[int, float]
-    remarks: list[str]
-
-
-def _solved(
-    roads: RoadTable,
-    dem: Dem | None,
-    near: Ints,
-    passes: Mapping[int, Sequence[PassFactor]],
-    surveyed: ControlHeights,
-) -> _Solved:
-    """The solution over the rows ``near``, and for each drive and row how many of its passes are accepted there."""
-    table = roads.subset(near)
-    driven = np.isin(near, [f.segment for factors in passes.values() for f in factors])
-    solved = driven | gap_rows(table, driven)
-    table, rows = table.subset(solved), near[solved]
-    row_of = {int(row): k for k, row in enumerate(rows)}
-    terrain = heights_at(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem else None
-    own = {k: [f.over(row_of[f.segment]) for f in factors] for k, factors in enumerate(passes.values())}
-    result = adjust(table, own, terrain, surveyed.among(solved))
-    names = list(passes)
-    accepted: dict[tuple[int, int], int] = {}
-    for (k, sequence), good in result.accepted.items():
-        row = int(rows[next(f.segment for f in own[k] if f.sequence == sequence)])
-        accepted[names[k], row] = accepted.get((names[k], row), 0) + good
-    drives_on = Counter(row for (_, row), count in accepted.items() if count)
-    undriven = [
-        f"Control point {name} lies on a road that no drive knows."
-        for name, row in zip(surveyed.names, surveyed.row.tolist(), strict=True)
-        if not solved[row]
-    ]
-    remarks = [*undriven, *result.remarks, *(result.model.remarks(table) if result.model else ())]
-    lags = {names[k]: lag for k, lag in result.lag_s.items()}
-    counted = [drives_on[row] for row in rows.tolist()]
-    factors = zip(rows.tolist(), result.parts(counted), strict=True)
-    return _Solved({row: [part] for row, part in factors if part is not None}, accepted, lags, remarks)

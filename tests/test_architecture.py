@@ -75,7 +75,6 @@ SQL_PLACES = {
         "roads/retired.py",
         "roads/changing.py",
         "roads/comparing.py",
-        "roads/regions.py",
         "roads/store.py",
         "terrain/coverage.py",
         "terrain/store.py",

@@ -78,7 +78,7 @@ def import_roads(
 def list_regions(data_dir: DataDir = None, json_file: JsonFile = None) -> None:
     """Name each region, the file that it came from, and how many of its segments anything was measured on."""
     from app.cli.database import sessions
-    from app.roads.regions import region_figures
+    from app.roads.store import region_figures
 
     with sessions(data_dir) as (_, factory), factory() as session:
         regions = region_figures(session)
@@ -123,8 +123,7 @@ def _change_roads(
     """Do it, queue the drives that lost something, and say what was done."""
     from app.cli.database import sessions
     from app.drives.batches.touched import queue_touched
-    from app.roads.documents import Wishes
-    from app.roads.sentences import remarks, summary
+    from app.roads.documents import Wishes, remarks, summary
 
     started = time.perf_counter()
     with sessions(data_dir, make=console) as (settings, factory), console.progress() as bars:
@@ -173,8 +172,8 @@ def import_dem(
     from app.cli.database import sessions
     from app.terrain import files as dem_files
     from app.terrain import imports as dem_imports
-    from app.terrain.copying import operator_limits
     from app.terrain.coverage import rasters_over
+    from app.terrain.files import operator_limits
     from fusion.terrain.quality import pair
 
     console: Console = ctx.obj

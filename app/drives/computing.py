@@ -17,7 +17,7 @@ from app.core.version import code_version
 from app.drives.faults import NoRoadsError, ProcessingError
 from app.drives.progress import RunProgress
 from app.jobs.context import JobContext
-from app.network.cell_roads import Roads, roads_in
+from app.network.extracts import Roads, roads_in
 from app.roads import store as road_store
 from app.terrain import store as dem
 from app.terrain.heights import open_dem

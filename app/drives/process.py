@@ -41,8 +41,8 @@ from app.jobs.requests.pieces import never
 from app.jobs.requests.run import Discarded
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
+from app.network.cells import road_states
 from app.network.marks import MarkedBy
-from app.network.road_states import road_states
 from app.network.solve import lag_among_all
 from app.terrain.heights import fill_heights_along
 from fusion.formats.base import NO_DATE

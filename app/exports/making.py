@@ -19,7 +19,7 @@ from app.exports.format import Format, NoOptions, Stated
 from app.exports.formats import FORMATS
 from app.exports.provenance import State, data_state, provenance, stated_of
 from app.exports.source import OnProgress, Query, Source
-from app.roads.regions import known_region
+from app.roads.store import known_region
 from fusion.errors import BadOptionsError, FusionError
 
 

@@ -20,7 +20,7 @@ from app.core.version import code_version
 from app.exports.format import Stated, statements
 from app.map.attribution import OSM_ATTRIBUTION, OSM_COPYRIGHT_URL, OSM_LICENSE, OSM_LICENSE_URL, attribution
 from app.map.segment import HEIGHT_DATUM
-from app.roads.regions import find_region, region_names
+from app.roads.store import find_region, region_names
 from app.terrain.coverage import rasters_over
 from app.terrain.store import current_dem
 

@@ -23,7 +23,7 @@ from app.map.tiles.store import mvt
 from app.network import ZOOM
 from app.network.cells import cell_bounds
 from app.roads.region_files import kept_file
-from app.roads.regions import Region, all_regions
+from app.roads.store import Region, all_regions
 from app.terrain.store import current_dem
 from fusion.errors import RoadsError
 from fusion.types import Floats

@@ -1,8 +1,8 @@
 """The stored map from all drives: passes, the solution, and what is published of it.
 
 The one room with locks (``locks``). ``results`` stores a drive and leaves ``marks``; ``swap`` takes them through
-``surroundings`` and ``passes`` -> ``solve`` -> ``slopes`` -> ``publish``. ``extracts`` and ``cell_roads`` read roads,
-``condensed`` holds old passes, ``cells`` the cells and their versions. Knows no log, job or request.
+``passes`` and ``solve`` to ``publish``. ``extracts`` reads roads, ``condensed`` holds old passes, ``cells`` the cells
+and their versions. Knows no log, job or request.
 """
 
 ZOOM = 14

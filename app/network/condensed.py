@@ -6,7 +6,7 @@ of a pass and its part of a sum change in one transaction. So nobody waits for a
 the evidence as it was, and no pass is counted twice or not at all.
 
 What is subtracted is computed as it was when it was added. Whoever changes that computation
-(``fusion.network.condensed``, and what ``fusion.network.outside_passes`` makes of a pass) lets a migration empty
+(``fusion.network.condensed``) lets a migration empty
 ``condensed_passes`` and ``drive_passes.condensed_weight``: nothing is lost, and solvers condense anew.
 """
 
@@ -21,9 +21,8 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from fusion.network.condensed import CondensedPasses
+from fusion.network.condensed import CondensedPasses, ConstantsInformation
 from fusion.network.curve import knot_length
-from fusion.network.outside_passes import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 
 RECENT_PASSES = 48
@@ -39,11 +38,9 @@ MOST_CONDENSED = 5000
 # only those parts of the table.
 OF_DRIVE = "drive_id = {0}drive_id{1} AND partition = ANY(CAST({0}partitions{1} AS smallint[]))"
 _MINE = OF_DRIVE.format("%(", ")s")
-_PARTITIONS = text(
-    """
+_PARTITIONS = text("""
     SELECT DISTINCT unnest(partitions) FROM drive_constants WHERE drive_id = ANY(CAST(:ids AS uuid[])) ORDER BY 1
-    """
-)
+""")
 
 _OVER = (
     "SELECT segment_id, evidence FROM condensed_passes WHERE segment_id = ANY(%(ids)s::bigint[]) ORDER BY id"
@@ -65,20 +62,16 @@ _LENGTHS = text("SELECT id, length_m FROM segments WHERE id = ANY(CAST(:ids AS b
 _CONSTANTS = "SELECT drive_id, evidence, passes FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
 # Drives that somebody replaces, removes or marks as duplicates just now are left alone; others who want that wait.
-_KEEP_DRIVES = text(
-    """
+_KEEP_DRIVES = text("""
     SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND duplicate_of IS NULL
     ORDER BY id FOR SHARE SKIP LOCKED
-    """
-)
-_MARK_CONDENSED = text(
-    """
+""")
+_MARK_CONDENSED = text("""
     UPDATE drive_passes AS p SET condensed_weight = t.weight
     FROM unnest(CAST(:ids AS bigint[]), CAST(:weights AS float8[])) AS t (id, weight)
     WHERE p.id = t.id AND p.partition = ANY(CAST(:partitions AS smallint[])) AND p.condensed_weight IS NULL
     RETURNING p.id
-    """
-)
+""")
 _MARK_RECENT = f"""
     WITH condensed AS MATERIALIZED (
         SELECT id, partition, condensed_weight FROM drive_passes WHERE {_MINE} AND condensed_weight IS NOT NULL
@@ -206,7 +199,7 @@ def condensed_by_drive(
     over: dict[tuple[int, uuid.UUID], list[OldPass]] = {}
     for one in old:
         over.setdefault((one.factor.segment, one.drive_id), []).append(one)
-    constants = _drive_constants(session, {drive for _, drive in over})
+    constants = drive_constants(session, {drive for _, drive in over})
     lengths = _lengths(session, {segment for segment, _ in over})
     return {
         (segment, drive): _condensed(passes, constants[drive], lengths[segment])
@@ -262,7 +255,7 @@ def _condensed(
     )
 
 
-def _drive_constants(
+def drive_constants(
     session: Session, drive_ids: Collection[uuid.UUID]
 ) -> dict[uuid.UUID, tuple[ConstantsInformation, int]]:
     """What all passes of each drive say of its constants, and how many they are."""

@@ -10,23 +10,21 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.telemetry.events import imported
-from app.network.control import widened
 from app.network.extracts import roads_within
 from app.network.locks import own_network
 from app.network.marks import append_marks
 from app.network.settle import settle_about
+from app.network.solve import widened
 from fusion.network.control import ControlPoint, place
 from fusion.types import Progress, no_progress
 
 _ALL = text("SELECT lon_deg, lat_deg, height_m, sigma_m, name FROM control_points ORDER BY lon_deg, lat_deg")
-_WRITE = text(
-    """
+_WRITE = text("""
     INSERT INTO control_points (lon_deg, lat_deg, height_m, sigma_m, name)
     VALUES (:lon_deg, :lat_deg, :height_m, :sigma_m, :name)
     ON CONFLICT (lon_deg, lat_deg) DO UPDATE SET
         height_m = excluded.height_m, sigma_m = excluded.sigma_m, name = excluded.name, imported_at = now()
-    """
-)
+""")
 _DELETE = text("DELETE FROM control_points WHERE lon_deg = :lon_deg AND lat_deg = :lat_deg")
 _IN_NETWORK = text(
     "SELECT segment_id FROM network_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[])) ORDER BY segment_id"

@@ -26,8 +26,6 @@ _IMPORT = 0x5653_494D  # "VSIM"
 _OWN = text("SELECT pg_advisory_xact_lock(:key)")
 _SHARE = text("SELECT pg_advisory_xact_lock_shared(:key)")
 _TRY_SHARE = text("SELECT pg_try_advisory_xact_lock_shared(:key)")
-_IMPORT_ALONE = text("SELECT pg_advisory_lock(:key)")
-_TRY_IMPORT_ALONE = text("SELECT pg_try_advisory_lock(:key)")
 _HOUR = text(
     "SELECT pg_advisory_xact_lock(:key, h) FROM (SELECT unnest(CAST(:hours AS integer[])) AS h ORDER BY 1) AS o"
 )
@@ -72,9 +70,9 @@ def import_alone(session: Session, waits: Callable[[], None]) -> None:
 
     ``waits`` is called before this waits for another import.
     """
-    if not session.execute(_TRY_IMPORT_ALONE, {"key": _IMPORT}).scalar_one():
+    if not session.execute(_TRY, {"key": _IMPORT}).scalar_one():
         waits()
-        session.execute(_IMPORT_ALONE, {"key": _IMPORT})
+        session.execute(_WAIT, {"key": _IMPORT})
 
 
 def roads_change(session: Session) -> bool:

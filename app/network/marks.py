@@ -15,8 +15,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 # A segment that was deleted needs no mark: the roads around it have theirs.
-_APPEND = text(
-    """
+_APPEND = text("""
     INSERT INTO network_marks (cell, drive_id, generation, touched, combined, due_at)
     SELECT s.cell, CAST(:drive_id AS uuid), CAST(:generation AS integer),
            coalesce(array_agg(DISTINCT s.id) FILTER (WHERE m.network), '{}'),
@@ -27,19 +26,15 @@ _APPEND = text(
     JOIN segments AS s ON s.id = m.id
     GROUP BY s.cell ORDER BY s.cell
     RETURNING cell
-    """
-)
-_WAITING = text(
-    """
+""")
+_WAITING = text("""
     SELECT cell, min(due_at) <= clock_timestamp() AS due, sum(cardinality(touched)) AS touched,
            max(tries) >= :patience AS suspect
     FROM network_marks GROUP BY cell ORDER BY min(due_at), cell
-    """
-)
+""")
 # A solver that dies leaves the marks that it began. A cell that kills one solver after the other is retried with longer
 # and longer pauses, whenever its marks were made. (Beyond 2 ^ 20 the pause has long been the longest.)
-_TRY = text(
-    """
+_TRY = text("""
     UPDATE network_marks AS m
     SET tries = worst.tries + 1, due_at = CASE WHEN worst.tries >= :patience
         THEN clock_timestamp()
@@ -48,8 +43,7 @@ _TRY = text(
     FROM (SELECT cell, max(tries) AS tries FROM network_marks WHERE cell = ANY(CAST(:cells AS integer[]))
           GROUP BY cell) AS worst
     WHERE m.cell = worst.cell
-    """
-)
+""")
 _ANY_DUE = text("SELECT EXISTS (SELECT FROM network_marks WHERE due_at <= clock_timestamp())")
 _COUNT_CELLS = text("SELECT count(DISTINCT cell) FROM network_marks")
 _ANY_SOLVABLE = text("SELECT EXISTS (SELECT FROM network_marks WHERE tries <= :patience)")

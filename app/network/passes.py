@@ -15,8 +15,14 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from app.network.condensed import OF_DRIVE, condensed_of_drive, of_drive, subtract_condensed
-from fusion.network.outside_passes import ConstantsInformation
+from app.network.condensed import (
+    OF_DRIVE,
+    condensed_of_drive,
+    drive_constants,
+    of_drive,
+    subtract_condensed,
+)
+from fusion.network.condensed import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
 
@@ -61,26 +67,21 @@ _INSERT_CONSTANTS = """
     INSERT INTO drive_constants (drive_id, passes, evidence, measurements, epoch_s, partitions)
     VALUES (%(drive_id)s, %(passes)s, %(evidence)b, %(measurements)s, %(epoch_s)b, %(partitions)s::smallint[])
 """
-_CONSTANTS = "SELECT drive_id, passes, evidence FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
 # A new drive can turn others' passes from accepted to rejected or back. A drive that is being removed takes its rows
 # along; passes that were condensed meanwhile stay as they were condensed.
-_REJECT = text(
-    """
+_REJECT = text("""
     INSERT INTO rejected_passes (segment_id, pass_id, drive_id)
     SELECT segment_id, id, drive_id FROM drive_passes
     WHERE id = ANY(CAST(:ids AS bigint[])) AND partition = ANY(CAST(:partitions AS smallint[]))
         AND condensed_weight IS NULL
     FOR KEY SHARE SKIP LOCKED
     ON CONFLICT DO NOTHING
-    """
-)
-_ACCEPT = text(
-    """
+""")
+_ACCEPT = text("""
     DELETE FROM rejected_passes
     WHERE segment_id = ANY(CAST(:segments AS bigint[])) AND pass_id = ANY(CAST(:ids AS bigint[]))
-    """
-)
+""")
 
 _ENTRY_SECONDS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_ITS}")  # noqa: S608 - constants
 
@@ -164,14 +165,12 @@ def constants_outside(
     A condensed pass, here or elsewhere, counts as outside: it says as little of the constants as any pass does over a
     road of which next to nothing is known, and less than it would say among the others.
     """
-    ids = [passes[0].drive_id for passes in drives]
-    stored = {key: (count, data) for key, count, data in fetch_binary(session, _CONSTANTS, {"ids": ids})}
+    stored = drive_constants(session, {passes[0].drive_id for passes in drives})
     outside = {}
     for k, passes in enumerate(drives):
-        count, data = stored.get(passes[0].drive_id, (0, b""))
+        constants, count = stored.get(passes[0].drive_id, (ConstantsInformation.nothing(), 0))
         if count > len(passes):
-            inside = ConstantsInformation.of_passes([p.factor for p in passes])
-            outside[k] = ConstantsInformation.decode(data) - inside
+            outside[k] = constants - ConstantsInformation.of_passes([p.factor for p in passes])
     return outside
 
 

@@ -1,4 +1,4 @@
-"""Publishes slopes: combines the network's slope of a segment with the estimates of slope-only drives.
+"""Stores what the network says of its segments, and publishes it combined with the estimates of slope-only drives.
 
 ``network_slopes`` and ``drive_segments`` -> ``segment_slopes``, the one table of slopes that the map is read from. The
 library decides how the parts are combined (``fusion.network.combine``).
@@ -6,7 +6,7 @@ library decides how the parts are combined (``fusion.network.combine``).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -14,19 +14,115 @@ import numpy as np
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
+from app.core.db import fetch_binary
 from fusion.methods.base import OF_TERRAIN
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
-from fusion.types import Ints
+from fusion.network.segment_slopes import Adjustment
+from fusion.types import Bools, Floats, Ints
 
 _SLOPE = ("slope_percent", "slope_sigma_percent", "drives", "observations")
 _NAMES = ("segment_id", *_SLOPE, *NETWORK_ONLY)
 _TYPES = {"segment_id": "bigint", "drives": "integer", "observations": "integer"}
 _COLUMNS = ", ".join(f"CAST(:{name} AS {_TYPES.get(name, 'float8')}[])" for name in _NAMES)
 
+# Only what moved is written: a solution differs from the last in the last digits wherever nothing happened. Heights
+# come as the nodes' (``_node_heights``), which stay to the last digit where they did not move.
+_MOVED = " OR ".join(
+    f"""coalesce(abs(n.{name} - excluded.{name}) > :tolerance * excluded.{sigma},
+                 n.{name} IS DISTINCT FROM excluded.{name})"""
+    for name, sigma in (
+        ("slope_percent", "slope_sigma_percent"),
+        ("slope_sigma_percent", "slope_sigma_percent"),
+        ("steepest_percent", "slope_sigma_percent"),
+        ("height_sigma_m", "height_sigma_m"),
+    )
+)
+_EXACT = ("drives", "observations", "driven_share", "height_from_m", "height_to_m")
+_WRITE = text(f"""
+    INSERT INTO network_slopes AS n ({", ".join(_NAMES)}) SELECT * FROM unnest({_COLUMNS})
+    ON CONFLICT (segment_id) DO UPDATE SET {", ".join(f"{name} = excluded.{name}" for name in _NAMES[1:])}
+    WHERE {_MOVED} OR ({", ".join(f"n.{name}" for name in _EXACT)})
+        IS DISTINCT FROM ({", ".join(f"excluded.{name}" for name in _EXACT)})
+    RETURNING segment_id
+""")  # noqa: S608 - constants
+_HEIGHTS = """
+    SELECT segment_id, height_from_m, height_to_m FROM network_slopes
+    WHERE segment_id = ANY(%(ids)s::bigint[]) AND height_from_m IS NOT NULL
+"""
+_CLEAR = text(
+    "DELETE FROM network_slopes WHERE segment_id = ANY(CAST(:ids AS bigint[])) RETURNING segment_id"
+)
+
+
+def write_slopes(
+    session: Session,
+    segment_ids: Sequence[int],
+    drives: Sequence[int],
+    result: Adjustment,
+    rows: Bools,
+    tolerance_sigmas: float,
+) -> list[int]:
+    """Store the ``rows`` (a mask) of a solution for these segments, on each of which so many ``drives`` are accepted.
+
+    Returns the segments that are new or moved by more than ``tolerance_sigmas``. Segments that meet and are written
+    together have one height where they meet. At the edge of what is written there can be two: that of the new solution
+    inside, and an older one outside until its roads are solved again. They differ by what subnetworks leave, which is
+    more for heights, which come from far away, than for slopes. ``settle_network`` leaves such edges between cells.
+    """
+    values: dict[str, Any] = {name: _nullable(getattr(result, name)[rows]) for name in NETWORK_ONLY}
+    start, end = _node_heights(session, segment_ids, result, rows, tolerance_sigmas)
+    values |= {
+        "height_from_m": _nullable(start),
+        "height_to_m": _nullable(end),
+        "segment_id": np.array(segment_ids, np.int64),
+        "drives": np.array(drives, np.int64),
+        "slope_percent": result.slope_percent[rows],
+        "slope_sigma_percent": result.slope_sigma_percent[rows],
+        "observations": result.observations[rows],
+        "tolerance": tolerance_sigmas,
+    }
+    return list(session.execute(_WRITE, values).scalars())
+
+
+def _node_heights(
+    session: Session, segment_ids: Sequence[int], result: Adjustment, rows: Bools, tolerance_sigmas: float
+) -> tuple[Floats, Floats]:
+    """Heights at both ends of these segments, a number for each node: what stands there, unless it moved.
+
+    A node moved by more than so many sigmas of any of its segments, and one at which two numbers stand, gets that of
+    the solution.
+    """
+    u = result.unknowns
+    new = np.concatenate([result.height_from_m[rows], result.height_to_m[rows]])
+    sigma = np.tile(result.height_sigma_m[rows], 2)
+    stored = {
+        segment: ends
+        for segment, *ends in fetch_binary(session, _HEIGHTS, {"ids": np.array(segment_ids, np.int64)})
+    }
+    unknown = (np.nan, np.nan)
+    old = np.array([stored.get(segment, unknown) for segment in segment_ids], float).reshape(-1, 2).T.ravel()
+    node = np.concatenate([u.start_node[rows], u.end_node[rows]])
+    stands = np.full(u.nodes, np.nan)
+    stands[node[np.isfinite(old)]] = old[np.isfinite(old)]
+    moved = np.isfinite(old) & ((old != stands[node]) | ~(np.abs(new - old) <= tolerance_sigmas * sigma))
+    stands[node[moved]] = np.nan
+    height = np.where(np.isfinite(new) & np.isfinite(stands[node]), stands[node], new)
+    start, end = np.split(height, 2)
+    return start, end
+
+
+def clear_slopes(session: Session, segment_ids: Sequence[int]) -> list[int]:
+    """Forget the network's slopes of these segments; returns those that had one."""
+    return list(session.execute(_CLEAR, {"ids": segment_ids}).scalars())
+
+
+def _nullable(values: Floats) -> Floats:
+    return np.ma.masked_invalid(values)
+
+
 # The network's own slope first, then each drive in order, so that the same parts always combine to the same
 # bits. The drives of the network are in its slope already.
-_PARTS = text(
-    f"""
+_PARTS = text(f"""
     SELECT segment_id, {", ".join(_SLOPE)}, drive_id IS NULL AS network, of_terrain, {", ".join(NETWORK_ONLY)}
     FROM (
         SELECT {", ".join(_NAMES)}, NULL AS drive_id, false AS of_terrain
@@ -38,8 +134,7 @@ _PARTS = text(
         WHERE e.segment_id = ANY(CAST(:ids AS bigint[])) AND NOT e.in_network
     ) AS part
     ORDER BY segment_id, drive_id NULLS FIRST
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 # Only rows that differ are written.
 _UNLESS_EQUAL = f"""
@@ -49,36 +144,29 @@ _UNLESS_EQUAL = f"""
         ({", ".join(f"excluded.{name}" for name in _NAMES[1:])})
     RETURNING segment_id
 """
-_WRITE_AGGREGATES = text(
-    f"""
+_WRITE_AGGREGATES = text(f"""
     INSERT INTO segment_slopes AS a ({", ".join(_NAMES)}) SELECT * FROM unnest({_COLUMNS})
     {_UNLESS_EQUAL}
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 # A slope of the network alone stays as it is (``published_slope``), so nearly all are copied in one statement.
 _MIXED = text(
     "SELECT DISTINCT segment_id FROM drive_segments WHERE segment_id = ANY(:ids) AND NOT in_network ORDER BY 1"
 )
-_COPY_NETWORK = text(
-    f"""
+_COPY_NETWORK = text(f"""
     INSERT INTO segment_slopes AS a ({", ".join(_NAMES)})
     SELECT {", ".join(_NAMES)} FROM network_slopes WHERE segment_id = ANY(:ids) ORDER BY segment_id
     {_UNLESS_EQUAL}
-    """  # noqa: S608 - constants
-)
-_CLEAR_WITHOUT = text(
-    """
+""")  # noqa: S608 - constants
+_CLEAR_WITHOUT = text("""
     DELETE FROM segment_slopes AS a
     WHERE segment_id = ANY(:ids) AND NOT EXISTS (SELECT FROM network_slopes AS n WHERE n.segment_id = a.segment_id)
     RETURNING segment_id
-    """
-)
+""")
 
 # Slopes of a former model that rest on nothing any more. A drive that waits to be computed may support them again:
 # until then they stay.
-_LEFT_OVER = text(
-    """
+_LEFT_OVER = text("""
     SELECT a.segment_id FROM segment_slopes AS a
     WHERE NOT EXISTS (SELECT FROM network_slopes AS n WHERE n.segment_id = a.segment_id)
         AND NOT EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = a.segment_id AND NOT e.in_network)
@@ -86,8 +174,7 @@ _LEFT_OVER = text(
             SELECT FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id
             WHERE e.segment_id = a.segment_id AND d.status IN ('queued', 'running'))
     ORDER BY a.segment_id
-    """
-)
+""")
 
 
 def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> list[int]:

@@ -18,8 +18,7 @@ _WITH_REJECTED = text(
     "SELECT DISTINCT drive_id FROM rejected_passes WHERE drive_id = ANY(CAST(:ids AS uuid[])) ORDER BY drive_id"
 )
 # A drive is accepted on a segment where any of its passes is. A duplicate drive contradicts nobody.
-_COUNT = text(
-    """
+_COUNT = text("""
     SELECT drive_id, count(*) AS segments, count(*) FILTER (WHERE NOT accepted) AS rejected
     FROM (SELECT p.drive_id, bool_or(r.pass_id IS NULL OR d.duplicate_of IS NOT NULL) AS accepted
           FROM drive_passes AS p
@@ -29,8 +28,7 @@ _COUNT = text(
               SELECT DISTINCT unnest(partitions) FROM drive_constants WHERE drive_id = ANY(CAST(:ids AS uuid[]))))
           GROUP BY p.drive_id, p.segment_id) AS one
     GROUP BY drive_id
-    """
-)
+""")
 
 
 class Rejections(NamedTuple):

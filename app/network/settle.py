@@ -46,8 +46,7 @@ _PUBLISHED = """
     UNION SELECT segment_id FROM segment_slopes {of_cell}
 """
 _OF_CELL = "WHERE segment_id IN (SELECT id FROM segments WHERE cell = :cell)"
-_CELLS = text(
-    f"""
+_CELLS = text(f"""
     WITH driven AS MATERIALIZED ({_DRIVEN.format(where="")})
     SELECT s.cell, count(*) FILTER (WHERE n.segment_id IS NOT NULL) AS in_network
     FROM ({_PUBLISHED.format(of_cell="")} UNION SELECT segment_id FROM driven) AS p
@@ -55,8 +54,7 @@ _CELLS = text(
     LEFT JOIN ({_IN_NETWORK.format(driven="SELECT segment_id FROM driven", of_cell="")}) AS n
         ON n.segment_id = p.segment_id
     GROUP BY s.cell ORDER BY s.cell
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 _IN_NETWORK_OF_CELL = text(
     _IN_NETWORK.format(driven=_DRIVEN.format(where="WHERE s.cell = :cell"), of_cell=_OF_CELL)
 )

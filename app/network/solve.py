@@ -6,25 +6,145 @@ writes the solution.
 
 from __future__ import annotations
 
+import math
 import uuid
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.db import Bounds, fetch_binary
+from app.network.cells import partitions_around
 from app.network.condensed import MOST_CONDENSED, OldPass, condensed_over, passes_to_condense, portions
-from app.network.control import control_on
+from app.network.extracts import roads_in
 from app.network.passes import StoredPass, by_drive, constants_outside, passes_over
-from app.network.surroundings import Surroundings, stored_terrain, surroundings
+from fusion.frames import SHORTEST_DEGREE_M
 from fusion.network.adjust import adjust
 from fusion.network.condensed import CondensedPasses
-from fusion.network.curve import knot_length
+from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
+from fusion.network.curve import interval_count, knot_length
 from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
-from fusion.network.subnetwork import Subnetwork, subnetwork_around
-from fusion.types import Bools
+from fusion.network.subnetwork import SOLVE_RADIUS_M, Subnetwork, boxes_around, subnetwork_around
+from fusion.network.terrain import Terrain
+from fusion.roads.table import RoadTable
+from fusion.types import Bools, Floats, Ints
+
+_LINES = text("""
+    SELECT ST_X(ST_StartPoint(geom)), ST_Y(ST_StartPoint(geom)), ST_X(ST_EndPoint(geom)), ST_Y(ST_EndPoint(geom))
+    FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))
+""")
+
+# A segment is driven where a drive that is no duplicate has a pass; the first one is enough. OFFSET 0 makes the planner
+# look at passes before drives, whatever it believes of tables that have grown since.
+KNOWN = """
+    SELECT s.id, coalesce(p.driven, false) AS driven, coalesce(n.drives, -1), n.slope_percent, n.slope_sigma_percent
+    FROM unnest(%(ids)s) AS s (id)
+    LEFT JOIN LATERAL (
+        SELECT true AS driven FROM (
+            SELECT drive_id FROM drive_passes WHERE segment_id = s.id AND partition = ANY(%(partitions)s::smallint[])
+            ORDER BY entered_s OFFSET 0) AS over
+        WHERE (SELECT duplicate_of IS NULL FROM drives WHERE id = over.drive_id) LIMIT 1) AS p ON true
+    LEFT JOIN network_slopes AS n ON n.segment_id = s.id
+    WHERE p.driven OR n.segment_id IS NOT NULL
+"""
+
+_HEIGHTS = """
+    SELECT id, dem_heights_m FROM segments WHERE id = ANY(%(ids)s::bigint[]) AND dem_heights_m IS NOT NULL
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """The roads around touched segments and what is known of them; every column has shape (n,)."""
+
+    table: RoadTable
+    ids: Ints
+    cell: Ints
+    """The cell of each row (``app.network.cells``)."""
+    driven: Bools
+    drives: Ints
+    """As stored: -1 where the network has no slope."""
+    slope_percent: Floats
+    """As stored, like its sigma: NaN where the network has none."""
+    slope_sigma_percent: Floats
+
+
+def surroundings(session: Session, touched: Collection[int], scale: float) -> Surroundings:
+    """The roads within the library's radius, times ``scale``, around ``touched`` segments."""
+    lines = np.array([tuple(row) for row in session.execute(_LINES, {"ids": list(touched)})], float)
+    lon0, lat0, lon1, lat1 = lines.reshape(-1, 4).T
+    boxes = boxes_around(lon0, lat0, lon1, lat1, scale * SOLVE_RADIUS_M)
+    roads = roads_in(session, boxes)
+    row = np.argsort(roads.ids)
+    rows = fetch_binary(session, KNOWN, {"ids": roads.ids, "partitions": partitions_around(roads.cell)})
+    ids, driven, drives, slope, sigma = zip(*rows, strict=True) if rows else ((),) * 5
+    at = row[np.searchsorted(roads.ids, np.array(ids, np.int64), sorter=row)]
+    n = len(roads.ids)
+    return Surroundings(
+        roads.table,
+        roads.ids,
+        roads.cell,
+        _spread(n, at, np.array(driven, bool), False),
+        _spread(n, at, np.array(drives, np.int64), -1),
+        _spread(n, at, np.array(slope, float), np.nan),
+        _spread(n, at, np.array(sigma, float), np.nan),
+    )
+
+
+def _spread(n: int, at: Ints, values: NDArray[Any], otherwise: float) -> NDArray[Any]:
+    """A vector (n,) with ``values`` where they are known."""
+    out = np.full(n, otherwise, values.dtype)
+    out[at] = values
+    return out
+
+
+def stored_terrain(session: Session, table: RoadTable, ids: Ints) -> Terrain | None:
+    """Heights of the elevation model at the knots of ``table``, whose segments have these ids; None: there are none."""
+    stored = dict(fetch_binary(session, _HEIGHTS, {"ids": ids.tolist()}))
+    if not stored:
+        return None
+    count = interval_count(knot_length(table.length_m)) + 1
+    heights = [
+        np.asarray(stored[i], float) if i in stored and len(stored[i]) == n else np.full(n, np.nan)
+        for i, n in zip(ids.tolist(), count.tolist(), strict=True)
+    ]
+    return Terrain(np.concatenate(heights))
+
+
+_NEAR = text("""
+    SELECT lon_deg, lat_deg, height_m, sigma_m, name FROM control_points
+    WHERE lon_deg BETWEEN :west AND :east AND lat_deg BETWEEN :south AND :north
+    ORDER BY lon_deg, lat_deg
+""")
+
+
+def control_near(session: Session, bounds_deg: Bounds) -> list[ControlPoint]:
+    """The stored points in a box (degrees), in the same order however they came."""
+    west, south, east, north = bounds_deg
+    box = {"west": west, "south": south, "east": east, "north": north}
+    return [ControlPoint(*row) for row in session.execute(_NEAR, box)]
+
+
+def control_on(session: Session, table: RoadTable) -> ControlHeights:
+    """The stored points on the roads of a table that holds all roads where it has any."""
+    points = control_near(session, widened(table.bounds_deg())) if len(table) else []
+    return place(points, table)[0]
+
+
+def widened(bounds_deg: Bounds) -> Bounds:
+    """The box and all within a point's reach of it."""
+    west, south, east, north = bounds_deg
+    margin = REACH_M / SHORTEST_DEGREE_M
+    farthest = min(max(abs(south), abs(north)) + margin, 89.9)
+    wider = margin / math.cos(math.radians(farthest))
+    return west - wider, south - margin, east + wider, north + margin
+
 
 SETTLED_SIGMAS = 0.025
 """Slopes just outside of what is published may move by so much; if they move farther, the subnetwork was too small.

@@ -26,8 +26,7 @@ from app.network.condensed import AT_ONCE, condense, condensed_by_drive, portion
 from app.network.locks import CellClaims, cell_claims, try_share_network
 from app.network.marks import Marked, Waiting, count_cells, delete_marks, marked_in, note_try, waiting_cells
 from app.network.passes import partitions_of, set_accepted
-from app.network.publish import refresh_aggregates
-from app.network.slopes import clear_slopes, write_slopes
+from app.network.publish import clear_slopes, refresh_aggregates, write_slopes
 from app.network.solve import Solution, solve_around
 from fusion.types import Bools, Progress, no_progress
 

@@ -33,7 +33,7 @@ from app.operations.documents import (
 )
 from app.operations.receiving import Received, receive_file
 from app.operations.store import operations
-from app.roads.regions import check_name, known_region
+from app.roads.store import check_name, known_region
 from app.terrain.store import chosen, current_dem
 from fusion.errors import RoadsError, TerrainError
 

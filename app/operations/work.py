@@ -13,13 +13,11 @@ from app.jobs.requests.run import RequestRun
 from app.network.locks import roads_change
 from app.network.settle import settle_network
 from app.operations.documents import Kind, Operation
-from app.roads.documents import ImportCounts, Wishes
+from app.roads.documents import ImportCounts, Wishes, remarks, summary
 from app.roads.imports import import_roads, remove_region
-from app.roads.regions import find_region
-from app.roads.sentences import remarks, summary
-from app.terrain.copying import request_limits
+from app.roads.store import find_region
 from app.terrain.coverage import effect_of_removal, rasters_over
-from app.terrain.files import store_files
+from app.terrain.files import request_limits, store_files
 from app.terrain.heights import renew_all
 from app.terrain.imports import add_dem, remove_dem
 from app.terrain.store import chosen, current_dem

@@ -1,6 +1,6 @@
 """The steps of an import that write: each a short transaction of the caller that leaves everything consistent.
 
-In one transaction, a step changes roads, raises the states of their cells (``app.network.road_states``), marks what has
+In one transaction, a step changes roads, raises the states of their cells (``app.network.cells``), marks what has
 to be solved again, and names the drives to be computed again. So an import may be interrupted after any step, and
 another continues it. Steps that move evidence own the network; steps that only add or rename roads share it.
 """
@@ -15,10 +15,9 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
-from app.network.cells import beside, cells_over, count_driven
+from app.network.cells import WIDE, beside, cells_met, cells_over, count_driven, raise_roads
 from app.network.marks import append_marks
 from app.network.passes import partitions_of
-from app.network.road_states import WIDE, cells_met, raise_roads
 from app.roads.comparing import AGAIN
 from app.roads.retired import Return, put_passes, restore, retire
 from fusion.network.transfer import Carrying
@@ -38,15 +37,12 @@ _MATCHED = """
     WHERE s.id = m.id
 """
 _RENAME = text(f"UPDATE segments AS s SET {_TAGS} {_MATCHED}")  # noqa: S608 - constants
-_REPLACE = text(
-    f"""
+_REPLACE = text(f"""
     UPDATE segments AS s
     SET osm_way_id = i.osm_way_id, from_node = i.from_node, to_node = i.to_node, geom = i.geom,
         geom_3857 = i.geom_3857, length_m = i.length_m, road_version_id = :version, {_TAGS} {_MATCHED}
-    """  # noqa: S608 - constants
-)
-_ADD = text(
-    """
+""")  # noqa: S608 - constants
+_ADD = text("""
     INSERT INTO segments (id, osm_way_id, from_node, to_node, geom, geom_3857, length_m, highway, name, oneway, bridge,
                           tunnel, layer, dem_slope_percent, dem_heights_m, road_version_id, regions)
     SELECT coalesce(m.id, nextval(pg_get_serial_sequence('segments', 'id'))), i.osm_way_id, i.from_node, i.to_node,
@@ -56,40 +52,31 @@ _ADD = text(
     JOIN road_import AS i ON i.n = m.n JOIN road_import_tags AS t USING (tag)
     ORDER BY m.n
     RETURNING id
-    """
-)
-_RELEASE = text(
-    """
+""")
+_RELEASE = text("""
     UPDATE segments SET regions = array_remove(regions, CAST(:region AS smallint))
     WHERE id = ANY(CAST(:ids AS bigint[]))
-    """
-)
+""")
 _DROP = text("DELETE FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))")
 
 _NODES = text("SELECT from_node, to_node FROM segments WHERE id = ANY(CAST(:ids AS bigint[]))")
 # Neighbours of roads that are added, moved or deleted: their slopes depend on each other, and gaps open and close.
-_NEIGHBOURS = text(
-    """
+_NEIGHBOURS = text("""
     SELECT s.id FROM segments AS s JOIN network_slopes AS n ON n.segment_id = s.id
     WHERE s.cell = ANY(CAST(:cells AS integer[]))
         AND (s.from_node = ANY(CAST(:nodes AS bigint[])) OR s.to_node = ANY(CAST(:nodes AS bigint[])))
-    """
-)
+""")
 _SLOPE_ONLY = text(
     "SELECT DISTINCT segment_id FROM drive_segments WHERE segment_id = ANY(CAST(:ids AS bigint[])) AND NOT in_network"
 )
-_WITH_PASSES = text(
-    """
+_WITH_PASSES = text("""
     SELECT s.id FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) AND EXISTS (
         SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell))
-    """
-)
-_TOUCH = text(
-    f"""
+""")
+_TOUCH = text(f"""
     INSERT INTO touched_drives (drive_id, road_state) SELECT id, :state FROM ({AGAIN}) AS again ORDER BY id
     ON CONFLICT (drive_id) DO UPDATE SET road_state = excluded.road_state, made_at = clock_timestamp()
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 _OLD = f"SELECT s.id, {_GEOMETRY.format('s')} FROM segments AS s WHERE s.id = ANY(%(ids)s::bigint[])"  # noqa: S608
 _FILE = f"SELECT i.n, {_GEOMETRY.format('i')} FROM road_import AS i WHERE i.n = ANY(%(n)s::integer[])"  # noqa: S608
@@ -106,8 +93,7 @@ _TURN_ESTIMATES = text(
     "UPDATE drive_segments SET slope_percent = -slope_percent WHERE segment_id = ANY(CAST(:ids AS bigint[]))"
 )
 _TURN = tuple(
-    text(
-        f"""
+    text(f"""
         UPDATE {table} AS n
         SET slope_percent = -n.slope_percent, steepest_percent = -n.steepest_percent, height_from_m = n.height_to_m,
             height_to_m = n.height_from_m,
@@ -116,8 +102,7 @@ _TURN = tuple(
             steepest_to_m = CASE WHEN n.steepest_from_m < s.length_m THEN s.length_m - n.steepest_from_m
                             ELSE 0 * n.steepest_from_m END
         FROM segments AS s WHERE s.id = n.segment_id AND n.segment_id = ANY(CAST(:ids AS bigint[]))
-        """  # noqa: S608 - constants
-    )
+""")  # noqa: S608 - constants
     for table in ("network_slopes", "segment_slopes")
 )
 

@@ -29,8 +29,7 @@ _ON = "i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node =
 
 # What is not as the file has it: the region's own segments, those of ways that it has, and those between two nodes that
 # it has. (=) on geometries compares every coordinate bit for bit.
-_OTHER = text(
-    f"""
+_OTHER = text(f"""
     SELECT {ROAD_COLUMNS}, :region = ANY(s.regions) AS member, s.regions <> ARRAY[CAST(:region AS smallint)] AS others
     FROM segments AS s LEFT JOIN road_import AS i ON {_ON}
     LEFT JOIN (SELECT DISTINCT osm_way_id FROM road_import) AS way ON way.osm_way_id = s.osm_way_id
@@ -39,18 +38,14 @@ _OTHER = text(
     WHERE i.n IS NULL AND (:region = ANY(s.regions) OR way.osm_way_id IS NOT NULL OR pair.a IS NOT NULL)
         OR NOT s.geom = i.geom
     ORDER BY {ROAD_ORDER}
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 # New rows cell by cell: rows that are added together are near each other.
-_NEW = text(
-    f"""
+_NEW = text(f"""
     SELECT i.n FROM road_import AS i LEFT JOIN segments AS s ON {_ON} WHERE s.id IS NULL
     ORDER BY versant_cell(ST_X(ST_StartPoint(i.geom_3857)), ST_Y(ST_StartPoint(i.geom_3857))), i.n
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 # Rows that lie where they lay, but are called or signed otherwise, or were not in the region.
-_RENAMED = text(
-    f"""
+_RENAMED = text(f"""
     SELECT s.id, i.n, s.oneway <> i.oneway AS turned
     FROM segments AS s JOIN road_import AS i ON {_ON} JOIN road_import_tags AS t USING (tag)
     WHERE s.geom = i.geom AND (
@@ -59,20 +54,17 @@ _RENAMED = text(
                               nullif(i.dem_slope_percent, 'NaN'), nullif(i.dem_heights_m, '{{}}'))
         OR NOT :region = ANY(s.regions))
     ORDER BY s.cell, s.id
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 _MEASURED = """
     (EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = s.id)
         OR EXISTS (SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell)))
 """
-_LOST_BY_REGION = text(
-    f"""
+_LOST_BY_REGION = text(f"""
     SELECT r.name, r.id, count(s.id) AS lost, count(DISTINCT s.id)
     FROM segments AS s LEFT JOIN LATERAL unnest(s.regions) AS one (id) ON true LEFT JOIN regions AS r ON r.id = one.id
     WHERE s.id = ANY(CAST(:ids AS bigint[])) AND {_MEASURED} GROUP BY r.name, r.id ORDER BY r.name
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 _LOST = text(
     f"SELECT count(*) FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) AND {_MEASURED}"  # noqa: S608
 )
@@ -80,8 +72,7 @@ _MEASURED_OF = text(
     f"SELECT count(*) FROM segments AS s WHERE :region = ANY(s.regions) AND {_MEASURED}"  # noqa: S608
 )
 
-_PASSES_ON = text(
-    """
+_PASSES_ON = text("""
     SELECT coalesce(p.passes, 0)
     FROM unnest(CAST(:ids AS bigint[])) WITH ORDINALITY AS one (id, place)
     LEFT JOIN LATERAL (
@@ -89,18 +80,15 @@ _PASSES_ON = text(
             ON p.segment_id = s.id AND p.partition = versant_partition(s.cell)
         WHERE s.id = one.id) AS p ON true
     ORDER BY one.place
-    """
-)
+""")
 
 NO_ROADS = ("no-match", "no-roads")
 """What a drive fails of where roads are missing."""
-_FAILED = text(
-    """
+_FAILED = text("""
     SELECT id, ST_XMin(bounds) AS west, ST_YMin(bounds) AS south, ST_XMax(bounds) AS east, ST_YMax(bounds) AS north
     FROM drives WHERE status = 'failed' AND failure_kind = ANY(CAST(:kinds AS text[]))
         AND (CAST(:since AS timestamptz) IS NULL OR finished_at >= :since)
-    """
-)
+""")
 # Drives that measured on what goes, and others that are named.
 AGAIN = """
     SELECT d.id FROM drives AS d WHERE d.status <> 'cancelled' AND d.id IN (

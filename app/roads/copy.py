@@ -52,27 +52,21 @@ _FIELDS: dict[str, Any] = {
 _DROP = text("DROP TABLE IF EXISTS pg_temp.road_import, pg_temp.road_import_tags")
 
 # NaN stands for "unknown" here, because a NULL would change the width of its row; an empty array for no height at all.
-_CREATE = text(
-    """
+_CREATE = text("""
     CREATE TEMPORARY TABLE road_import (
         n integer GENERATED ALWAYS AS IDENTITY (MINVALUE 0),
         osm_way_id bigint, from_node bigint, to_node bigint, geom geometry, geom_3857 geometry,
         length_m float8, tag integer, oneway smallint, bridge boolean, tunnel boolean, layer smallint,
         dem_slope_percent float8, dem_heights_m float8[]
     )
-    """
-)
-_CREATE_TAGS = text(
-    """
+""")
+_CREATE_TAGS = text("""
     CREATE TEMPORARY TABLE road_import_tags (tag integer PRIMARY KEY, highway text, name text)
-    """
-)
-_FILL_TAGS = text(
-    """
+""")
+_FILL_TAGS = text("""
     INSERT INTO road_import_tags
     SELECT * FROM unnest(CAST(:tag AS integer[]), CAST(:highway AS text[]), CAST(:name AS text[]))
-    """
-)
+""")
 _COPY = f"COPY road_import ({', '.join(_FIELDS)}, dem_heights_m) FROM STDIN (FORMAT BINARY)"
 _INDEX = text("CREATE UNIQUE INDEX ON road_import (n)")
 
@@ -132,10 +126,7 @@ def _rows(
     columns: dict[str, Any] = {name: getattr(table, name, None) for name in _FIELDS}
     columns |= {"tag": codes, "dem_slope_percent": dem_slope_percent}
     degrees = np.column_stack([table.lon0_deg, table.lat0_deg, table.lon1_deg, table.lat1_deg])
-    columns |= {
-        "geom": _lines(degrees, SRID_DEGREES),
-        "geom_3857": _lines(web_mercator(degrees), SRID_TILES),
-    }
+    columns |= {"geom": _lines(degrees, SRID_DEGREES), "geom_3857": _lines(web_mercator(degrees), SRID_TILES)}
     knots = interval_count(knot_length(table.length_m)) + 1
     first = np.cumsum(knots) - knots
     known = np.concatenate([[0], np.cumsum(np.isfinite(dem_heights_m))])

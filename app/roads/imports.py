@@ -10,8 +10,9 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -21,24 +22,14 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
+from app.network.cells import LAST_STEP, state_of
 from app.network.locks import free_all, import_alone
-from app.network.road_states import LAST_STEP, state_of
 from app.network.swap import solve_all_marked
-from app.roads import region_files, regions, steps
+from app.roads import region_files, steps, store
 from app.roads.changing import touch
-from app.roads.comparing import (
-    NOBODY,
-    Plan,
-    count_again,
-    count_lost,
-    losses,
-    passes_on,
-    plan_import,
-    waiting_for,
-)
+from app.roads.comparing import NOBODY, count_again, count_lost, losses, passes_on, plan_import, waiting_for
 from app.roads.copy import copy_roads, forget_roads
 from app.roads.documents import USUAL, ImportCounts, Source, Wishes, refuse
-from app.roads.store import begin_version, end_version
 from app.terrain.heights import terrain_under
 from app.terrain.store import current_dem, dem_version_id
 from fusion.errors import RoadsError
@@ -72,11 +63,11 @@ def import_roads(
     what is kept of its region's file.
     """
     if not is_change_file(path):
-        name = regions.region_name(path.name) if region is None else regions.check_name(region)
+        name = store.region_name(path.name) if region is None else store.check_name(region)
         return _bring_file(sessions, path, path, Source(path.name, "", name), dem_dir, wishes, progress)
     with sessions() as session:
-        target = regions.changed_region(session, region, path.name)
-        bounds = regions.region_extent(session, target.id)
+        target = store.changed_region(session, region, path.name)
+        bounds = store.region_extent(session, target.id)
     with TemporaryDirectory(prefix="versant-") as folder:
         progress("applying changes", 0.0)
         updated = region_files.changed_file(dem_dir, target, path, bounds, Path(folder))
@@ -106,7 +97,7 @@ def _bring_file(
         return bring_in(sessions, table, source, dem_dir, wishes, progress)
     except BaseException:
         with sessions() as session:
-            known = regions.find_region(session, source.region)
+            known = store.find_region(session, source.region)
         if known is None or known.file_uri != uri:  # else the roads are in, and the file is theirs
             region_files.forget_file(dem_dir, uri)
         raise
@@ -124,7 +115,7 @@ def remove_region(
     Raises ``RoadsError`` where there is no such region, and for losses that nobody has accepted.
     """
     with sessions() as session:
-        region = regions.known_region(session, name)
+        region = store.known_region(session, name)
     source = Source(region.source_name, region.sha256, name)
     return bring_in(sessions, RoadTable.empty(), source, dem_dir, wishes, progress)
 
@@ -141,8 +132,8 @@ def bring_in(
     with _connection(sessions) as session:
         import_alone(session, lambda: progress("waiting for another import", 0.0))
         session.commit()
-        work = _Work(session, table, source, wishes, dem_dir, progress)
-        counts = work.plan()
+        work = _Import(table, source, wishes, progress, partial(_transaction, session))
+        counts = work.plan(dem_dir)
         if wishes.dry_run:
             return counts
         work.require_acceptance()
@@ -153,7 +144,7 @@ def bring_in(
                 counts = work.carry_out(counts)
                 break
             except steps.TerrainChangedError:
-                work.plan()  # the rest of it, with the heights of now
+                work.plan(dem_dir)  # the rest of it, with the heights of now
         if work.former_uri is not None:
             region_files.forget_file(dem_dir, work.former_uri)
     try:
@@ -182,71 +173,113 @@ def _connection(sessions: Sessions) -> Iterator[Session]:
             session.commit()
 
 
-class _Work:
-    """One import on its connection."""
+@contextmanager
+def _transaction(session: Session) -> Iterator[Session]:
+    with session.begin():
+        yield session
 
-    def __init__(
-        self,
-        session: Session,
-        table: RoadTable,
-        source: Source,
-        wishes: Wishes,
-        dem_dir: FilePlace,
-        progress: Progress,
-    ) -> None:
-        self._session, self._table, self._source, self._wishes = session, table, source, wishes
-        self._dem_dir, self._progress = dem_dir, progress
-        self._run: steps.Run | None = None
-        self.former_uri: str | None = None
-        """The file that was kept of the region before"""
 
-    def plan(self) -> ImportCounts:
+@dataclass
+class _Import:
+    """One import: planned, and carried out."""
+
+    table: RoadTable
+    source: Source
+    wishes: Wishes
+    progress: Progress
+    transaction: steps.Transactions
+    dem_version: int = 0
+    former_uri: str | None = None
+    """The file that was kept of the region before"""
+    run: steps.Run | None = None
+
+    def plan(self, dem_dir: FilePlace) -> ImportCounts:
         """Copy the roads with the heights of now, compare, and say what would be done."""
-        with self._transaction() as session:
-            dem = current_dem(session, self._dem_dir)
-            self._note_former(session)
-        slope, heights = terrain_under(dem, self._table)
-        self._dem_version = 0 if dem is None else dem.version_id
-        with self._transaction() as session:
-            copy_roads(session, self._table, slope, heights, self._progress)
-            self._progress("comparing", 0.0)
-            self._plan, counts = _planned(session, self._table, self._source.region, self._wishes)
-            self._losses = losses(session, self._plan)
-            self._passes = passes_on(session, self._plan)
-        self._progress("comparing", 1.0)
+        with self.transaction() as session:
+            dem, self.dem_version = current_dem(session, dem_dir), dem_version_id(session)
+            known = store.find_region(session, self.source.region)
+        self.former_uri = None if known is None else known.file_uri
+        if self.source.based_on not in (None, self.former_uri):
+            raise RoadsError(
+                f"Region {self.source.region!r} was imported while the changes were applied. Give them again."
+            )
+        heights = terrain_under(dem, self.table)
+        with self.transaction() as session:
+            copy_roads(session, self.table, *heights, self.progress)
+            self.progress("comparing", 0.0)
+            counts = self.compare(session)
+        self.progress("comparing", 1.0)
         return counts
 
-    def _note_former(self, session: Session) -> None:
-        known = regions.find_region(session, self._source.region)
-        self.former_uri = None if known is None else known.file_uri
-        if self._source.based_on not in (None, self.former_uri):
-            raise RoadsError(
-                f"Region {self._source.region!r} was imported while the changes were applied. Give them again."
-            )
+    def compare(self, session: Session) -> ImportCounts:
+        """Compare what was copied with what is stored."""
+        table, known = self.table, store.find_region(session, self.source.region)
+        region_id = NOBODY if known is None else known.id
+        self._plan = plan = plan_import(session, table, region_id, self.wishes.tolerance_m)
+        self._passes = passes_on(session, plan)
+        return ImportCounts(
+            region=self.source.region,
+            kept=plan.kept,
+            added=len(plan.added),
+            **{change.name.lower(): plan.count(change) for change in Change if change is not Change.KEPT},
+            measured_lost=count_lost(session, plan),
+            restored=len({one.n for one in plan.returns if one.fresh}),
+            drives_again=count_again(session, plan, waiting_for(session, plan, table)),
+            skipped=dict(table.skipped),
+            dry_run=self.wishes.dry_run,
+        )
 
     def require_acceptance(self) -> None:
         """``RoadsError`` for losses that nobody has accepted."""
-        if not self._wishes.accept_losses:
-            refuse(self._losses)
+        if not self.wishes.accept_losses:
+            with self.transaction() as session:
+                refuse(losses(session, self._plan))
 
-    def carry_out(self, counts: ImportCounts) -> ImportCounts:
+    def carry_out(self, counts: ImportCounts, *, pauses: bool = True) -> ImportCounts:
         """Do what was planned last; ``counts`` are those of the first plan."""
-        if self._run is None:
-            with self._transaction() as session:
-                self._run = _begin(
-                    session, self._transaction, self._source, self._plan, self._table, self._progress
-                )
-        run = self._run
-        run.dem_version = self._dem_version
+        self.run = run = self.run or self._begin(pauses)
+        run.dem_version = self.dem_version
         steps.carry_out(run, self._plan, self._passes)
-        with self._transaction() as session:
-            _end(session, run, self._source, counts, self._plan, self._table)
+        with self.transaction() as session:
+            self._end(session, run, counts)
         return replace(counts, longest_hold_s=round(run.longest_hold_s, 4))
 
-    @contextmanager
-    def _transaction(self) -> Iterator[Session]:
-        with self._session.begin():
-            yield self._session
+    def _begin(self, pauses: bool) -> steps.Run:
+        """Note that the import begins, and which drives wait for what it brings."""
+        name, sha256, region = self.source.name, self.source.sha256, self.source.region
+        with self.transaction() as session:
+            version, begun_at = store.begin_version(session, name, sha256, region)
+            known = store.find_region(session, region)
+            number = known.id if known else store.make_region(session, region, name, sha256, version)
+            touch(session, state_of(version, LAST_STEP), (), waiting_for(session, self._plan, self.table))
+        return steps.Run(self.transaction, version, number, begun_at, self.dem_version, self.progress, pauses)
+
+    def _end(self, session: Session, run: steps.Run, counts: ImportCounts) -> None:
+        """Note what the import has done. Drives that failed beside it for want of roads wait for them, too."""
+        waiting = waiting_for(session, self._plan, self.table, run.begun_at)
+        touch(session, state_of(run.version, LAST_STEP), (), waiting)
+        store.end_version(
+            session,
+            run.version,
+            kept=counts.kept + counts.renumbered + counts.reversed,
+            moved=counts.moved + counts.far,
+            dropped=counts.split + counts.merged + counts.dropped,
+            added=counts.added,
+        )
+        if not len(self.table):
+            store.forget_region(session, run.region)
+            return
+        store.note_import(
+            session,
+            run.region,
+            source_name=self.source.name,
+            sha256=self.source.sha256,
+            version=run.version,
+            segments=counts.segments,
+            file_uri=self.source.file_uri,
+            file_sha256=self.source.file_sha256,
+            bounds=list(self.table.bounds_deg()),
+        )
 
 
 def replace_roads(
@@ -269,80 +302,8 @@ def replace_roads(
     heights = np.full(len(knot_positions(table)[0]), np.nan) if dem_heights_m is None else dem_heights_m
     copy_roads(session, table, slope, heights, progress)
     source = Source(source_name, sha256, region)
-    plan, counts = _planned(session, table, region, Wishes())
-
-    @contextmanager
-    def within() -> Iterator[Session]:
-        yield session
-
-    run = _begin(session, within, source, plan, table, progress)
-    run.pauses, run.dem_version = False, dem_version_id(session)
-    steps.carry_out(run, plan, passes_on(session, plan))
-    _end(session, run, source, counts, plan, table)
+    work = _Import(table, source, USUAL, progress, lambda: nullcontext(session), dem_version_id(session))
+    counts = work.compare(session)
+    work.carry_out(counts, pauses=False)
     forget_roads(session)
     return counts
-
-
-def _planned(session: Session, table: RoadTable, region: str, wishes: Wishes) -> tuple[Plan, ImportCounts]:
-    known = regions.find_region(session, region)
-    plan = plan_import(session, table, NOBODY if known is None else known.id, wishes.tolerance_m)
-    counts = ImportCounts(
-        region=region,
-        kept=plan.kept,
-        added=len(plan.added),
-        **{change.name.lower(): plan.count(change) for change in Change if change is not Change.KEPT},
-        measured_lost=count_lost(session, plan),
-        restored=len({one.n for one in plan.returns if one.fresh}),
-        drives_again=count_again(session, plan, waiting_for(session, plan, table)),
-        skipped=dict(table.skipped),
-        dry_run=wishes.dry_run,
-    )
-    return plan, counts
-
-
-def _begin(
-    session: Session,
-    transaction: steps.Transactions,
-    source: Source,
-    plan: Plan,
-    table: RoadTable,
-    progress: Progress,
-) -> steps.Run:
-    """Note that the import begins, and which drives wait for what it brings."""
-    version, begun_at = begin_version(session, source.name, source.sha256, source.region)
-    known = regions.find_region(session, source.region)
-    region = (
-        regions.make_region(session, source.region, source.name, source.sha256, version)
-        if known is None
-        else known.id
-    )
-    touch(session, state_of(version, LAST_STEP), (), waiting_for(session, plan, table))
-    return steps.Run(transaction, version, region, begun_at, 0, progress)
-
-
-def _end(
-    session: Session, run: steps.Run, source: Source, counts: ImportCounts, plan: Plan, table: RoadTable
-) -> None:
-    """Note what the import has done. Drives that failed beside it for want of roads wait for them, too."""
-    done = {
-        "kept": counts.kept + counts.renumbered + counts.reversed,
-        "moved": counts.moved + counts.far,
-        "dropped": counts.split + counts.merged + counts.dropped,
-        "added": counts.added,
-    }
-    touch(session, state_of(run.version, LAST_STEP), (), waiting_for(session, plan, table, run.begun_at))
-    end_version(session, run.version, **done)
-    if not len(table):
-        regions.forget_region(session, run.region)
-        return
-    regions.note_import(
-        session,
-        run.region,
-        source_name=source.name,
-        sha256=source.sha256,
-        version=run.version,
-        segments=counts.segments,
-        file_uri=source.file_uri,
-        file_sha256=source.file_sha256,
-        bounds=list(table.bounds_deg()),
-    )

@@ -12,7 +12,7 @@ from pathlib import Path
 from app.core import mirror
 from app.core.db import Bounds
 from app.core.settings.places import FilePlace
-from app.roads.regions import Region
+from app.roads.store import Region
 from fusion.errors import RoadsError
 from fusion.roads.osm_changes import apply_changes, keep_roads
 

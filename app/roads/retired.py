@@ -26,41 +26,33 @@ from fusion.types import Ints
 # --- retiring
 
 _RUN = "(SELECT max(id) FROM provenances AS v WHERE v.drive_id = {0}.drive_id)"
-_RETIRE = text(
-    """
+_RETIRE = text("""
     INSERT INTO retired_segments (segment_id, osm_way_id, from_node, to_node, geom, length_m)
     SELECT s.id, s.osm_way_id, s.from_node, s.to_node, s.geom, s.length_m FROM segments AS s
     WHERE s.id = ANY(CAST(:ids AS bigint[])) AND (
         EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = s.id)
         OR EXISTS (SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell)))
     ORDER BY s.id RETURNING id, segment_id
-    """
-)
+""")
 # Roads whose evidence is gone with its drives.
-_DELETE_EMPTY = text(
-    """
+_DELETE_EMPTY = text("""
     DELETE FROM retired_segments AS a WHERE NOT EXISTS (SELECT FROM retired_passes AS p WHERE p.retired_id = a.id)
         AND NOT EXISTS (SELECT FROM retired_estimates AS e WHERE e.retired_id = a.id)
-    """
-)
-_RETIRE_PASSES = text(
-    f"""
+""")
+_RETIRE_PASSES = text(f"""
     INSERT INTO retired_passes (retired_id, drive_id, run, sequence, entered_s, factor)
     SELECT a.id, p.drive_id, {_RUN.format("p")}, p.sequence, p.entered_s, p.factor
     FROM unnest(CAST(:retired AS bigint[]), CAST(:ids AS bigint[])) AS a (id, segment_id)
     JOIN drive_passes AS p ON p.segment_id = a.segment_id AND p.partition = ANY(CAST(:partitions AS smallint[]))
-    """  # noqa: S608 - constants
-)
-_RETIRE_ESTIMATES = text(
-    f"""
+""")  # noqa: S608 - constants
+_RETIRE_ESTIMATES = text(f"""
     INSERT INTO retired_estimates (retired_id, drive_id, run, slope_percent, slope_sigma_percent, observations, passes,
                                  first_at, last_at, in_network)
     SELECT a.id, e.drive_id, {_RUN.format("e")}, e.slope_percent, e.slope_sigma_percent, e.observations, e.passes,
            e.first_at, e.last_at, e.in_network
     FROM unnest(CAST(:retired AS bigint[]), CAST(:ids AS bigint[])) AS a (id, segment_id)
     JOIN drive_segments AS e ON e.segment_id = a.segment_id
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 _DELETE_EVIDENCE = tuple(
     text(statement)
     for statement in (
@@ -81,8 +73,7 @@ _DELETE_EVIDENCE = tuple(
 
 # --- restoring
 
-_FIND = text(
-    """
+_FIND = text("""
     SELECT i.n, a.id, a.segment_id, a.from_node <> i.from_node AS back, a.osm_way_id = i.osm_way_id AS same_way,
            ST_X(ST_StartPoint(a.geom)) AS lon0, ST_Y(ST_StartPoint(a.geom)) AS lat0,
            ST_X(ST_EndPoint(a.geom)) AS lon1, ST_Y(ST_EndPoint(a.geom)) AS lat1, a.length_m,
@@ -91,17 +82,14 @@ _FIND = text(
         ON least(i.from_node, i.to_node) = least(a.from_node, a.to_node)
         AND greatest(i.from_node, i.to_node) = greatest(a.from_node, a.to_node)
     ORDER BY i.n, a.retired_at DESC, a.id DESC
-    """
-)
-_DRIVES = text(
-    """
+""")
+_DRIVES = text("""
     SELECT a.retired_id, a.drive_id, EXISTS (SELECT FROM provenances AS v WHERE v.id = a.run) AS fresh
     FROM (SELECT retired_id, drive_id, run FROM retired_passes WHERE retired_id = ANY(CAST(:ids AS bigint[]))
           UNION SELECT retired_id, drive_id, run FROM retired_estimates
           WHERE retired_id = ANY(CAST(:ids AS bigint[]))) AS a
     JOIN drives AS d ON d.id = a.drive_id AND d.status <> 'cancelled'
-    """
-)
+""")
 _FRESH = """
     JOIN drives AS d ON d.id = a.drive_id AND d.status <> 'cancelled' JOIN provenances AS v ON v.id = a.run
 """
@@ -109,8 +97,7 @@ _PASSES = f"""
     SELECT a.retired_id, a.drive_id, a.sequence, a.entered_s, a.factor FROM retired_passes AS a {_FRESH}
     WHERE a.retired_id = ANY(%(ids)s::bigint[]) ORDER BY a.id
 """  # noqa: S608 - constants
-_ESTIMATES_BACK = text(
-    f"""
+_ESTIMATES_BACK = text(f"""
     INSERT INTO drive_segments (drive_id, segment_id, slope_percent, slope_sigma_percent, observations, passes,
                                 first_at, last_at, provenance_id, in_network)
     SELECT a.drive_id, t.segment_id, t.sign * a.slope_percent, a.slope_sigma_percent, a.observations, a.passes,
@@ -119,25 +106,20 @@ _ESTIMATES_BACK = text(
          AS t (retired_id, segment_id, sign)
     JOIN retired_estimates AS a ON a.retired_id = t.retired_id {_FRESH}
     ON CONFLICT DO NOTHING
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 _CLEAR = text("DELETE FROM retired_segments WHERE id = ANY(CAST(:ids AS bigint[]))")
-_PRUNE = text(
-    """
+_PRUNE = text("""
     DELETE FROM retired_segments WHERE id IN (
         SELECT id FROM retired_segments WHERE retired_at < clock_timestamp() - make_interval(secs => :age_s)
         ORDER BY retired_at LIMIT :most) RETURNING id
-    """
-)
+""")
 PRUNED_AT_ONCE = 500
 
-_ADD_PARTITIONS = text(
-    """
+_ADD_PARTITIONS = text("""
     UPDATE drive_constants SET partitions = ARRAY(
         SELECT DISTINCT unnest(partitions || CAST(:partitions AS smallint[])) ORDER BY 1)
     WHERE drive_id = ANY(CAST(:drives AS uuid[])) AND NOT partitions @> CAST(:partitions AS smallint[])
-    """
-)
+""")
 
 
 @dataclass(frozen=True)

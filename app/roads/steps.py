@@ -7,7 +7,7 @@ follows it. Pieces grow and shrink with the time that the last one took.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import datetime
@@ -15,10 +15,11 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
+from app.network.cells import state_of
 from app.network.locks import own_network, share_network
-from app.network.road_states import state_of
 from app.roads import changing
 from app.roads.changing import Step
 from app.roads.comparing import Plan
@@ -53,70 +54,59 @@ class Run:
     begun_at: datetime
     dem_version: int
     progress: Progress
+    pauses: bool = True
     steps: int = 0
     longest_hold_s: float = 0.0
-    pauses: bool = True
     _size: int = 200
 
-    def do(self, work: Callable[[Session, Step], None], *, owns: bool) -> float:
-        """One step in a transaction of its own; how long it had the network, s."""
+    def do(self, work: Callable[..., None], columns: Sequence[Sequence[Any]], *, owns: bool) -> None:
+        """One step in a transaction of its own: ``work`` on some things, of which ``columns`` tell."""
         with self.transaction() as session:
             (own_network if owns else share_network)(session)
             begun = time.perf_counter()
             if dem_version_id(session) != self.dem_version:
                 raise TerrainChangedError
             self.steps += 1
-            work(session, Step(self.version, state_of(self.version, self.steps), self.region))
-        held = time.perf_counter() - begun
+            work(session, Step(self.version, state_of(self.version, self.steps), self.region), *columns)
+        held_s = time.perf_counter() - begun
         if owns:
-            self.longest_hold_s = max(self.longest_hold_s, held)
+            self.longest_hold_s = max(self.longest_hold_s, held_s)
+            size = len(columns[0]) * HOLD_S / max(held_s, 1e-4)
+            self._size = int(min(max(size, self._size / 2, LEAST), 2 * self._size, MOST))
             if self.pauses:
-                time.sleep(held)
-        return held
+                time.sleep(held_s)
 
-    def pieces(self, weights: Ints, *, owns: bool) -> Iterator[tuple[slice, Callable[[float], None]]]:
-        """Parts of so many things in their order, and whom to tell how long each took; large where none waits."""
+    def pieces(self, weights: Ints, *, owns: bool) -> Iterator[slice]:
+        """Parts of so many things in their order: as large as the last step allows, and large where none waits."""
         start, total = 0, len(weights)
         before = np.concatenate([[0], np.cumsum(weights)])
         while start < total:
             heavy = int(np.searchsorted(before, before[start] + PASSES_AT_ONCE, side="right")) - 1
-            size = self._size if owns else MOST
-            end = min(start + size, max(heavy, start + 1), total)
-            yield slice(start, end), partial(self._note, end - start)
+            end = min(start + (self._size if owns else MOST), max(heavy, start + 1), total)
+            yield slice(start, end)
             start = end
-
-    def _note(self, count: int, held_s: float) -> None:
-        size = count * HOLD_S / max(held_s, 1e-4)
-        self._size = int(min(max(size, self._size / 2, LEAST), 2 * self._size, MOST))
 
 
 class _Portion(NamedTuple):
-    """What is done alike: the things, how many passes there are over each, and what to do with some of them."""
+    """What is done alike: columns that tell of the things, how many passes there are over each, and what to do."""
 
     stage: str
     owns: bool
-    things: list[Any]
+    columns: list[NDArray[Any]]
     passes: Ints | None
-    do: Callable[[Session, Step, list[Any]], None]
+    do: Callable[..., None]
 
 
 def carry_out(run: Run, plan: Plan, passes: Ints) -> None:
     """Do all that the plan says; ``passes`` (m,) are how many there are over each of its segments."""
-    for portion in _portions(plan, passes):
-        if not portion.things:
+    for stage, owns, columns, weights, do in _portions(plan, passes):
+        total = len(columns[0])
+        if not total:
             continue
-        weights = np.zeros(len(portion.things), np.int64) if portion.passes is None else portion.passes
-        run.progress(portion.stage, 0.0)
-        for part, took in run.pieces(weights, owns=portion.owns):
-            some = portion.things[part]
-            held = run.do(partial(_do, portion, some), owns=portion.owns)
-            if portion.owns:
-                took(held)
-            run.progress(portion.stage, part.stop / len(portion.things))
-
-
-def _do(portion: _Portion, some: list[Any], session: Session, step: Step) -> None:
-    portion.do(session, step, some)
+        run.progress(stage, 0.0)
+        for part in run.pieces(np.zeros(total, np.int64) if weights is None else weights, owns=owns):
+            run.do(do, [column[part].tolist() for column in columns], owns=owns)
+            run.progress(stage, part.stop / total)
 
 
 def _portions(plan: Plan, passes: Ints) -> Iterator[_Portion]:
@@ -125,36 +115,17 @@ def _portions(plan: Plan, passes: Ints) -> Iterator[_Portion]:
     for one in plan.returns:
         back.setdefault(one.n, []).append(one)
     returns = np.isin(plan.added, list(back))
-    yield _Portion("adding", False, plan.added[~returns].tolist(), None, partial(_add, {}))
-    yield _Portion("adding", True, plan.added[returns].tolist(), None, partial(_add, back))
+    yield _Portion("adding", False, [plan.added[~returns]], None, partial(changing.add, back={}))
+    yield _Portion("adding", True, [plan.added[returns]], None, partial(changing.add, back=back))
     same = plan.of(Change.MOVED, Change.RENUMBERED, Change.REVERSED)
-    yield _Portion("moving", True, same.tolist(), passes[same], partial(_carry, plan))
+    carried = [plan.ids[same], plan.n[same], plan.change[same] == Change.REVERSED]
+    yield _Portion("moving", True, carried, passes[same], changing.carry)
     far = plan.of(Change.FAR)
-    yield _Portion("moving", True, far.tolist(), passes[far], partial(_move_away, plan, back))
+    moved = [plan.ids[far], plan.n[far]]
+    yield _Portion("moving", True, moved, passes[far], partial(changing.move_away, back=back))
     for courses in (False, True):
         rows = plan.renamed[(plan.renamed[:, 2] != 0) == courses]
-        yield _Portion("renaming", False, rows.tolist(), None, partial(_rename, courses))
+        yield _Portion("renaming", False, [*rows[:, :2].T], None, partial(changing.rename, courses=courses))
     gone = plan.of(Change.SPLIT, Change.MERGED, Change.DROPPED)
-    yield _Portion("dropping", True, plan.ids[gone].tolist(), passes[gone], changing.drop)
-    released = plan.ids[plan.of(Change.RELEASED)].tolist()
-    yield _Portion("dropping", False, released, None, changing.release)
-
-
-def _add(back: Mapping[int, Sequence[Return]], session: Session, step: Step, rows: list[int]) -> None:
-    changing.add(session, step, rows, back)
-
-
-def _carry(plan: Plan, session: Session, step: Step, at: list[int]) -> None:
-    turned = (plan.change[at] == Change.REVERSED).tolist()
-    changing.carry(session, step, plan.ids[at].tolist(), plan.n[at].tolist(), turned)
-
-
-def _move_away(
-    plan: Plan, back: Mapping[int, Sequence[Return]], session: Session, step: Step, at: list[int]
-) -> None:
-    changing.move_away(session, step, plan.ids[at].tolist(), plan.n[at].tolist(), back)
-
-
-def _rename(courses: bool, session: Session, step: Step, rows: list[list[int]]) -> None:
-    ids, n = ([row[k] for row in rows] for k in (0, 1))
-    changing.rename(session, step, ids, n, courses=courses)
+    yield _Portion("dropping", True, [plan.ids[gone]], passes[gone], changing.drop)
+    yield _Portion("dropping", False, [plan.ids[plan.of(Change.RELEASED)]], None, changing.release)

@@ -32,18 +32,15 @@ _WITHIN = """
 _DRIVEN = """
             AND EXISTS (SELECT FROM segment_slopes AS a WHERE a.segment_id = s.id AND a.drives > 0)
 """
-_COUNT = text(
-    """
+_COUNT = text("""
     SELECT count(s.id) FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
         CAST(:north AS float8[])) WITH ORDINALITY AS box (west, south, east, north, number)
     LEFT JOIN segments AS s ON s.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326)
     GROUP BY box.number ORDER BY box.number
-    """
-)
+""")
 
 # Of the segments in some boxes: how many are measured, and how many of these lie in no other box.
-_EFFECT = text(
-    """
+_EFFECT = text("""
     WITH gone AS (
         SELECT ST_MakeEnvelope(w, s, e, n, 4326) AS box
         FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
@@ -60,8 +57,7 @@ _EFFECT = text(
            (SELECT count(*) FROM drives AS d WHERE d.status = 'done'
                 AND EXISTS (SELECT FROM gone WHERE d.bounds && gone.box)) AS drives
     FROM under AS u LEFT JOIN segment_slopes AS a ON a.segment_id = u.id AND a.drives > 0
-    """
-)
+""")
 
 
 def rasters_over(

@@ -13,23 +13,10 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.settings.places import FilePlace
-from app.network.cells import cells_over, raise_versions
-from app.network.extracts import (
-    roads_of,
-    roads_without_heights,
-    roads_without_heights_in,
-    segment_ids_in,
-)
+from app.network.cells import cells_met, cells_over, raise_versions, road_states
+from app.network.extracts import roads_of, roads_without_heights, roads_without_heights_in, segment_ids_in
 from app.network.locks import own_heights, own_network
-from app.network.road_states import cells_met, road_states
-from app.terrain.store import (
-    DemSet,
-    PendingHeights,
-    current_dem,
-    note_renewed,
-    pending_heights,
-    set_terrain,
-)
+from app.terrain.store import DemSet, PendingHeights, current_dem, note_renewed, pending_heights, set_terrain
 from fusion.network.curve import interval_count, knot_length
 from fusion.network.subnetwork import LONGEST_GAP_M, boxes_around
 from fusion.network.unknowns import knot_positions, knot_rows

@@ -14,8 +14,7 @@ from app.core.db import Sessions
 from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
 from app.network.locks import own_network
-from app.terrain.copying import Limits
-from app.terrain.files import reach_deg, store_files, with_bounds
+from app.terrain.files import Limits, reach_deg, store_files, with_bounds
 from app.terrain.heights import renew_all
 from app.terrain.store import DemSet, DemSource, chosen, current_dem, local_raster, replace_dem
 from fusion.errors import TerrainError

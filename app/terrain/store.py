@@ -101,50 +101,42 @@ _ACTIVE = text("SELECT id, datum, imported_at, sources FROM dem_versions WHERE a
 
 # At most one set is active (a unique index sees to it), so the old one retires before the new one comes.
 _RETIRE = text("UPDATE dem_versions SET active = false WHERE active")
-_ADD = text(
-    """
+_ADD = text("""
     INSERT INTO dem_versions (sources, datum, active, pending)
     VALUES (CAST(:sources AS jsonb), :datum, true, CAST(:pending AS jsonb))
     RETURNING id, datum, imported_at, sources
-    """
-)
+""")
 _PENDING = text("SELECT id, pending FROM dem_versions WHERE active AND pending IS NOT NULL")
 _NOTE_PENDING = text("UPDATE dem_versions SET pending = CAST(:pending AS jsonb) WHERE id = :id")
 _ALL_SOURCES = text("SELECT id, sources FROM dem_versions ORDER BY id FOR UPDATE")
 _SET_SOURCES = text("UPDATE dem_versions SET sources = CAST(:sources AS jsonb) WHERE id = :id")
 
 # A version retires when the next one comes; what the active one names is in use whatever was before.
-_RETIRED = text(
-    """
+_RETIRED = text("""
     WITH named AS (
         SELECT v.id, v.active, s ->> 'uri' AS uri,
                (SELECT n.imported_at FROM dem_versions AS n WHERE n.id > v.id ORDER BY n.id LIMIT 1) AS retired_at
         FROM dem_versions AS v, jsonb_array_elements(v.sources) AS s
     )
     SELECT uri FROM named GROUP BY uri HAVING NOT bool_or(active) AND max(retired_at) < now() - :age ORDER BY uri
-    """
-)
+""")
 
 
 # The version that named the file first, though it may have been out of use since.
-_CAME = text(
-    """
+_CAME = text("""
     SELECT s ->> 'uri' AS uri, min(v.imported_at) FROM dem_versions AS v, jsonb_array_elements(v.sources) AS s
     GROUP BY s ->> 'uri'
-    """
-)
+""")
 # Only rows whose values change are written; NaN stands for an unknown slope in the array.
 _ACTIVE_ID = text("SELECT coalesce(max(id), 0) FROM dem_versions WHERE active")
 
-_SET_TERRAIN = text(
-    """
+_SET_TERRAIN = text("""
     UPDATE segments AS s SET dem_slope_percent = t.slope, dem_heights_m = t.heights
     FROM (SELECT id, nullif(slope, 'NaN') AS slope, CAST(heights AS float8[]) AS heights
           FROM unnest(CAST(:ids AS bigint[]), CAST(:slopes AS float8[]), CAST(:heights AS text[]))
                AS u (id, slope, heights)) AS t
     WHERE s.id = t.id AND (s.dem_slope_percent, s.dem_heights_m) IS DISTINCT FROM (t.slope, t.heights)
-    """
-)
+""")
 
 
 def chosen(sources: Sequence[DemSource], names: Collection[str]) -> list[DemSource]:

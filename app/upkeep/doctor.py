@@ -98,22 +98,16 @@ def _programs(patient: Patient) -> Iterator[Finding]:
 
 def _access(patient: Patient) -> Iterator[Finding]:
     host = patient.settings.host
+    state: State = "warn"
     if not _is_loopback(host):
-        yield Finding(
-            "access",
-            "warn",
-            f"The API listens on {host}, where other machines reach it, and has no access control.",
-            "Let it listen on 127.0.0.1 (VERSANT_HOST) behind something that asks who comes, or close the network.",
-        )
+        finding = f"The API listens on {host}, where other machines reach it, and has no access control."
+        advice = "Let it listen on 127.0.0.1 (VERSANT_HOST) behind something that asks who comes, or close the network."
     elif "*" in patient.settings.host_names:
-        yield Finding(
-            "access",
-            "warn",
-            "The API answers under any host name (VERSANT_ALLOWED_HOSTS is *).",
-            "Name those that people use, unless something in front of it checks them.",
-        )
+        finding = "The API answers under any host name (VERSANT_ALLOWED_HOSTS is *)."
+        advice = "Name those that people use, unless something in front of it checks them."
     else:
-        yield Finding("access", "ok", f"The API listens on {host}, for this machine alone.")
+        state, finding, advice = "ok", f"The API listens on {host}, for this machine alone.", ""
+    yield Finding("access", state, finding, advice)
 
 
 def _room(patient: Patient) -> Iterator[Finding]:
@@ -144,31 +138,31 @@ def _reachable(patient: Patient) -> Iterator[Finding]:
 def _database(settings: Settings, session: Session) -> Iterator[Finding]:
     server = store.versions(session)
     if server.postgis is None:
-        yield Finding(
-            "database", "fail", f"PostgreSQL {server.postgres} without PostGIS.", "Install PostGIS there."
-        )
+        finding = f"PostgreSQL {server.postgres} without PostGIS."
+        yield Finding("database", "fail", finding, "Install PostGIS there.")
     else:
         yield Finding("database", "ok", f"PostgreSQL {server.postgres}, PostGIS {server.postgis}")
     standing = migrate.standing(session)
     if not standing.usable:
         yield Finding("schema", "fail", standing.sentence, "Until then neither API nor workers run.")
-    else:
-        finding = standing.sentence or f"The database is at migration {standing.revision}, as this program."
-        yield Finding(
-            "schema", "warn" if standing.newer else "ok", finding, "Update the program." * standing.newer
-        )
+        return
+    finding = standing.sentence or f"The database is at migration {standing.revision}, as this program."
+    yield Finding(
+        "schema", "warn" if standing.newer else "ok", finding, "Update the program." * standing.newer
+    )
 
 
 def _clock(settings: Settings, session: Session) -> Iterator[Finding]:
     before, there, after = datetime.now(UTC), store.server_clock(session), datetime.now(UTC)
     skew_s = max((before - there).total_seconds(), (there - after).total_seconds(), 0.0)
     state: State = "fail" if skew_s > SKEW_FAIL_S else "warn" if skew_s > SKEW_WARN_S else "ok"
-    advice = (
-        ""
-        if state == "ok"
-        else "Let both follow a time server: signs of life and ages are told by the clocks."
+    advice = "Let both follow a time server: signs of life and ages are told by the clocks."
+    yield Finding(
+        "clocks",
+        state,
+        f"The database's clock and this one are {skew_s:.1f} s apart.",
+        advice * (state != "ok"),
     )
-    yield Finding("clocks", state, f"The database's clock and this one are {skew_s:.1f} s apart.", advice)
 
 
 def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
@@ -180,24 +174,19 @@ def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
     if waiting.depth and not workers.alive:
         yield Finding("queue", "warn", finding, "Start `versant worker` or `versant up`.")
     elif (waiting.oldest_wait_s or 0.0) > LONG_WAIT_S:
-        yield Finding(
-            "queue",
-            "warn",
-            finding,
-            "Start more workers, or wait: uploads go before what is processed again.",
-        )
+        advice = "Start more workers, or wait: uploads go before what is processed again."
+        yield Finding("queue", "warn", finding, advice)
     else:
         yield Finding("queue", "ok", finding)
     if workers.stuck:
-        advice = "A worker that lives puts them back by itself; start one."
+        finding = f"{workers.stuck} jobs are held by workers that are silent."
         yield Finding(
-            "stuck jobs", "warn", f"{workers.stuck} jobs are held by workers that are silent.", advice
+            "stuck jobs", "warn", finding, "A worker that lives puts them back by itself; start one."
         )
     if workers.queued:
         finding = f"{workers.queued} drives wait and have no job, as after an update."
-        yield Finding(
-            "drives without a job", "warn", finding, "A worker gives them one within minutes; start one."
-        )
+        advice = "A worker gives them one within minutes; start one."
+        yield Finding("drives without a job", "warn", finding, advice)
     if workers.running:
         finding = f"{workers.running} drives run and have no job: nobody computes them."
         advice = "`versant drives reprocess --drive ID` for each (`versant drives list --status running`)."
@@ -258,9 +247,8 @@ def _elevation(settings: Settings, session: Session) -> Iterator[Finding]:
     bad = [problem for s in active.sources if (problem := mirror.problem(settings.dem_dir, s.uri, s.sha256))]
     if bad:
         advice = "Import them again (`versant import-dem`), or remove them (`versant elevation remove`)."
-        yield Finding(
-            "elevation", "fail", f"Of {len(active.sources)} rasters some are not sound: {some(bad)}.", advice
-        )
+        finding = f"Of {len(active.sources)} rasters some are not sound: {some(bad)}."
+        yield Finding("elevation", "fail", finding, advice)
     else:
         yield Finding("elevation", "ok", f"{len(active.sources)} rasters are there as they were imported.")
     if pending_heights(session) is not None:

@@ -13,19 +13,15 @@ from app.core.tables import IS_SHOWN
 
 # These statements work on databases of every version, so that one can be backed up before it is migrated.
 _EXPORT = text("SELECT pg_export_snapshot()")
-_VERSIONS = text(
-    """
+_VERSIONS = text("""
     SELECT CAST(current_setting('server_version_num') AS integer) / 10000 AS postgres_major,
            current_setting('server_version') AS postgres,
            (SELECT extversion FROM pg_extension WHERE extname = 'postgis') AS postgis
-    """
-)
-_BLOBS = text(
-    f"""
+""")
+_BLOBS = text(f"""
     SELECT DISTINCT ON (blob_key) blob_key, sha256, size_bytes FROM drives WHERE {IS_SHOWN.format("drives")}
     ORDER BY blob_key
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 _RASTERS = text("SELECT sources FROM dem_versions WHERE active")
 _HAS_REGIONS = text("SELECT to_regclass('regions') IS NOT NULL")
 _IS_FOLLOWED = text("SELECT to_regclass('change_epoch') IS NOT NULL")
@@ -37,42 +33,35 @@ _WANTED_STILL = text(
 )
 
 # Tables, views and sequences that belong to no extension.
-_IS_EMPTY = text(
-    """
+_IS_EMPTY = text("""
     SELECT NOT EXISTS (
         SELECT FROM pg_class AS c JOIN pg_namespace AS n ON n.oid = c.relnamespace
         WHERE c.relkind IN ('r', 'p', 'v', 'm', 'S') AND n.nspname NOT IN ('pg_catalog', 'information_schema')
             AND n.nspname NOT LIKE 'pg\\_%' AND NOT EXISTS (
                 SELECT FROM pg_depend AS d WHERE d.classid = CAST('pg_class' AS regclass) AND d.objid = c.oid
                     AND d.deptype = 'e'))
-    """
-)
+""")
 
 # The workers of the saved database are not this one's. Of jobs of which one that waits is enough one is left. A drive
 # that only waits to be published has no job.
 _PUT_BACK = (
-    text(
-        """
+    text("""
         DELETE FROM procrastinate_jobs AS j WHERE status = 'doing' AND queueing_lock IS NOT NULL AND EXISTS (
             SELECT FROM procrastinate_jobs AS o WHERE o.queueing_lock = j.queueing_lock
                 AND (o.status = 'todo' OR (o.status = 'doing' AND o.id < j.id)))
-        """
-    ),
+    """),
     text("UPDATE procrastinate_jobs SET status = 'todo', worker_id = NULL WHERE status = 'doing'"),
     text("DELETE FROM procrastinate_workers"),
     text("UPDATE computations SET since = NULL"),
-    text(
-        """
+    text("""
         UPDATE drives SET status = 'queued', stage = NULL, progress = 0
         WHERE status = 'running' AND stage IS DISTINCT FROM 'publishing'
-        """
-    ),
+    """),
 )
 _WAITING = text("SELECT count(*) FROM drives WHERE status = 'queued'")
 
 _CLOCK = text("SELECT clock_timestamp()")
-_WORKERS = text(
-    """
+_WORKERS = text("""
     WITH alive AS (
         SELECT id FROM procrastinate_workers
         WHERE last_heartbeat > clock_timestamp() - make_interval(secs => :silent_s)
@@ -87,8 +76,7 @@ _WORKERS = text(
             WHERE j.status = 'doing' AND NOT EXISTS (SELECT FROM alive WHERE alive.id = j.worker_id)) AS stuck,
            (SELECT count(*) FROM jobless WHERE status = 'queued') AS queued,
            (SELECT count(*) FROM jobless WHERE status = 'running') AS running
-    """
-)
+""")
 _DRIVE_BLOBS = text(
     f"SELECT CAST(id AS text) AS id, blob_key FROM drives WHERE {IS_SHOWN.format('drives')} ORDER BY 1"  # noqa: S608
 )

@@ -12,7 +12,7 @@ from fusion.frames import LocalProjection
 from fusion.network.curve import grade_weights, height_weights, knot_length, variable_count
 from fusion.network.pass_factor import NUISANCES, PLACE_PART_S, PLACE_TAU_S, PassFactor
 from fusion.network.road_beliefs import DEFAULT_ROUGHNESS
-from fusion.profile.likelihood import sum_passes
+from fusion.profile.factors import sum_passes
 from fusion.profile.model import WANDER_SIGMA
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
@@ -209,7 +209,7 @@ class Synthetic:
         passing: Floats, sensor: Ints, value: Floats, variance: Floats, time_s: Floats, first: Ints,
         roughness: float, part: Ints,
     ) -> list[PassFactor]:  # fmt: skip
-        """The sums over each pass; columns as ``fusion.profile.likelihood.OnTraversals`` has them."""
+        """The sums over each pass; columns as ``fusion.profile.factors.OnTraversals`` has them."""
         size = variable_count(self.length[rows]) + NUISANCES
         information, vector, square = (np.zeros(int(v)) for v in ((size**2).sum(), size.sum(), len(rows)))
         walk, begin = (DRIFT_M2_PER_S, BARO_DRIFT_M2_PER_S), 1.7e9 + 1e5 * self.drives

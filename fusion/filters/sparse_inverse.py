@@ -13,7 +13,8 @@ Why this stands here beside CHOLMOD and SuperLU, which factorise as well: a map 
 * The pattern is analysed once for all rounds of weighing, and blocks of equations are added straight into the fronts.
 * It is Python compiled like the rest: nothing is to be built or licensed beside numpy, scipy and numba.
 
-``benchmarks/adjustment.py`` holds its time and memory (``update``, ``scratch``, ``blocks``);
+``benchmarks/factorisation.py`` compares it with CHOLMOD on the equations of a town; ``benchmarks/adjustment.py`` holds
+its time and memory (``update``, ``scratch``, ``blocks``);
 ``tests/fusion/filters/test_sparse_inverse.py`` compares it with dense inverses.
 """
 

@@ -62,17 +62,13 @@ def combine(
 
 
 @dataclass(frozen=True)
-class SlopePart(NetworkOnly):
+class SlopePart(CombinedSlope):
     """One slope of a segment: the network's, in which any number of drives is accepted, or a slope-only drive's.
 
     A gap, undriven between driven segments, has a slope in the network and no drive. ``of_terrain``: it leans on the
     elevation model, as all such parts do.
     """
 
-    slope_percent: float
-    slope_sigma_percent: float
-    drives: int
-    observations: int
     network: bool = False
     of_terrain: bool = False
 
@@ -103,12 +99,13 @@ def published_slope(parts: Sequence[SlopePart]) -> CombinedSlope:
     if len(measured) == 1 and measured[0].network:
         only = measured[0]
         return CombinedSlope(only.slope_percent, only.slope_sigma_percent, drives, observations, **known)
-    combined = combine(
-        np.array([part.slope_percent for part in measured]),
-        np.array([part.slope_sigma_percent for part in measured]),
-        np.array([part.observations for part in measured]),
-    )
-    return replace(combined, drives=drives, observations=observations, **known)
+    return replace(_combined(measured), drives=drives, observations=observations, **known)
+
+
+def _combined(parts: Sequence[SlopePart]) -> CombinedSlope:
+    rows = [(part.slope_percent, part.slope_sigma_percent, part.observations) for part in parts]
+    slope, sigma, observations = zip(*rows, strict=True)
+    return combine(np.array(slope), np.array(sigma), np.array(observations))
 
 
 def _one_of_terrain(parts: list[SlopePart]) -> list[SlopePart]:
@@ -116,11 +113,7 @@ def _one_of_terrain(parts: list[SlopePart]) -> list[SlopePart]:
     terrain = [part for part in parts if part.of_terrain]
     if len(terrain) < 2:
         return parts
-    whole = combine(
-        np.array([part.slope_percent for part in terrain]),
-        np.array([part.slope_sigma_percent for part in terrain]),
-        np.array([part.observations for part in terrain]),
-    )
+    whole = _combined(terrain)
     sigma = max(whole.slope_sigma_percent, min(part.slope_sigma_percent for part in terrain))
     one = replace(terrain[0], slope_percent=whole.slope_percent, slope_sigma_percent=sigma)
     return [one, *(part for part in parts if not part.of_terrain)]

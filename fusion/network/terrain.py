@@ -4,20 +4,70 @@ Its error is an Ornstein-Uhlenbeck process along the roads: as large as ``sigma_
 counts for slopes is how fast two places' errors part, ``sigma_m^2 / length_m``; it is taken from differences over one
 knot spacing and over ``LONG_LAG_M``, whichever are worse: a coarse model errs in proportion to distance within its
 posts. Where a model comes from is not known here.
+
+Where a model stands out from itself (a tile on another datum, a void that was filled badly) is judged by heights of
+roads that do not know it. All of them may count from another level than the model, so the model's own usual difference
+is the measure.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
-from fusion.network.dem_outliers import Displaced, displaced
 from fusion.network.equations import Blocks, Solution
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats
+
+DISPLACED_M = 15.0
+"""Errors up to here are ordinary ones: SRTM was made to be within 16 m in nine of ten places, and is within 9 m
+(Rodriguez, Morris and Belz 2006)."""
+DISPLACED_SIGMAS = 4.0
+"""... and so are those within so many of the model's own sigmas along these roads."""
+SHORTEST_M = 100.0
+"""Over a shorter way it is a cutting, an embankment or a clump of trees."""
+_MEDIAN_TO_SIGMA = 1.4826
+
+
+class Displaced(NamedTuple):
+    """Which of n places stand out to the same side, by how much the model is too high there, and along how far."""
+
+    where: Bools
+    off_m: float
+    length_m: float
+
+    def said(self, lat_deg: float, lon_deg: float) -> str:
+        """A sentence for a report; the place is one of those that stand out."""
+        side = "high" if self.off_m > 0 else "low"
+        return (
+            f"The elevation model is about {abs(self.off_m):.0f} m too {side} along {self.length_m:.0f} m of the roads "
+            f"driven (at {lat_deg:.5f}, {lon_deg:.5f} for one), against its height on the others. Look whether its "
+            "tiles have one datum and whether it has filled voids there, or whether the altitudes recorded are wrong."
+        )
+
+
+def displaced(above_m: Floats, length_m: Floats) -> Displaced | None:
+    """Where the model stands out, most of it; ``above_m`` (n,) is by how much it is above the roads' heights.
+
+    ``length_m`` (n,): of how much road each is. Half of the places at least must agree with each other.
+    """
+    if not len(above_m):
+        return None
+    off = above_m - np.median(above_m)
+    sigma = _MEDIAN_TO_SIGMA * float(np.median(np.abs(off)))
+    least = max(DISPLACED_M, DISPLACED_SIGMAS * sigma)
+    sides = [off > least, off < -least]
+    where = max(sides, key=lambda side: float(np.sum(length_m[side])))
+    far = float(np.sum(length_m[where]))
+    if far < SHORTEST_M:
+        return None
+    # Against the others: the middle of all leans to those that stand out.
+    return Displaced(where, float(np.median(off[where]) - np.median(off[~where])), far)
+
 
 DEFAULT_SIGMA_M, DEFAULT_LENGTH_M = 6.0, 300.0
 """An SRTM's, where nothing was driven (spec 7: 6 % over 90 m)."""
@@ -216,8 +266,3 @@ def _shrunk(rates: Floats, default: float) -> float:
     seen = max(float(np.median(rates)) / _MEDIAN_OF_SQUARE, 1e-5)
     weight = len(rates) / (len(rates) + PRIOR_PAIRS)
     return float(np.exp(weight * np.log(seen) + (1 - weight) * np.log(default)))
-
-
-def heights_at(heights_m: Floats) -> Terrain:
-    """A model of unknown quality from its heights at the knots (``unknowns.knot_positions``)."""
-    return Terrain(np.asarray(heights_m, float))

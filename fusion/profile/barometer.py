@@ -9,15 +9,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from fusion.frames import GRAVITY_MPS2
-from fusion.profile.blocks import (
-    NOTHING,
-    Estimate,
-    blocks_of,
-    crossed,
-    inliers,
-    jackknife,
-)
-from fusion.profile.sampling import binned
+from fusion.profile.blocks import NOTHING, Estimate, binned, blocks_of, crossed, inliers, jackknife
 from fusion.types import DriveLog, Floats, Pressure
 
 _ATMOSPHERE = (44_330.77, 101_325.0, 0.190263)

@@ -13,16 +13,7 @@ import numpy as np
 from scipy import optimize
 
 from fusion.filters.smoother import LinearModel, Smoothed, StepNoise
-from fusion.profile.measurements import (
-    ALTITUDE,
-    BARO,
-    DOPPLER,
-    FORCE,
-    PITCH,
-    SENSORS,
-    TERRAIN,
-    Measurements,
-)
+from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, SENSORS, TERRAIN, Measurements
 from fusion.profile.model import (
     DRIFT_TAU_S,
     RATES,

@@ -12,8 +12,8 @@ import numpy as np
 
 from fusion.frames import GRAVITY_MPS2
 from fusion.profile.barometer import pressure_heights
+from fusion.profile.blocks import binned
 from fusion.profile.path import DrivenPath, ground_speed
-from fusion.profile.sampling import binned
 from fusion.terrain.dem import Dem
 from fusion.types import CUES, Bools, DriveLog, Floats, Ints
 

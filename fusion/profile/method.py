@@ -15,7 +15,7 @@ from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
-from fusion.network.terrain import heights_at
+from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.profile.barometer import set_right_share, speed_pressure
 from fusion.profile.blocks import NOTHING, Estimate
@@ -35,8 +35,7 @@ from fusion.profile.measurements import (
 from fusion.profile.model import SmootherEpochs, build_smoother_epochs
 from fusion.profile.noise import Learned, learn
 from fusion.profile.path import DrivenPath, find_path
-from fusion.profile.report import drive_report
-from fusion.profile.track import build_track, drawn_measurements
+from fusion.profile.report import build_track, drawn_measurements, drive_report
 from fusion.profile.traversals import Altimeter
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
@@ -210,7 +209,7 @@ def adjusted_slopes(
     row_of = {int(row): k for k, row in enumerate(rows)}
     passes = [f.over(row_of[f.segment]) for f in factors]
     terrain = (
-        heights_at(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem is not None else None
+        Terrain(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem is not None else None
     )
     solved = adjust(table, {0: passes}, terrain)
     first, last = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)

@@ -190,11 +190,7 @@ def step_noise(epochs: SmootherEpochs, noise: Noise, name: str) -> StepNoise:
     dt, ds = _steps(epochs)
     if name == "roughness":
         q = noise.roughness
-        return {
-            (HEIGHT, HEIGHT): q * ds**3 / 3,
-            (GRADE, HEIGHT): q * ds**2 / 2,
-            (GRADE, GRADE): q * ds,
-        }
+        return {(HEIGHT, HEIGHT): q * ds**3 / 3, (GRADE, HEIGHT): q * ds**2 / 2, (GRADE, GRADE): q * ds}
     if name == "drift":
         return {(DRIFT, DRIFT): 0.5 * noise.drift * DRIFT_TAU_S * (1 - np.exp(-2 * dt / DRIFT_TAU_S))}
     if name == "wander":

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fusion.filters.smoother import Smoothed
+from fusion.profile.blocks import spaced
 from fusion.profile.levels import (
     LEAST_HEIGHT_M,
     STUDENT_T_FREEDOM,
@@ -34,7 +35,6 @@ from fusion.profile.model import (
     pitch_partner,
     white_variance,
 )
-from fusion.profile.sampling import spaced
 from fusion.types import Bools, Floats
 
 FIRST_ROUNDS, ROUNDS = 3, 3

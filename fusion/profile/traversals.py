@@ -9,24 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.network.curve import (
-    grade_variance,
-    grade_weights,
-    height_variance,
-    height_weights,
-    knot_length,
-)
+from fusion.network.curve import grade_variance, grade_weights, height_variance, height_weights, knot_length
 from fusion.profile.levels import ROBUST_INFORMATION_LOSS
 from fusion.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, TERRAIN, Measurements
-from fusion.profile.model import (
-    BIAS,
-    GRADE,
-    MOUNT,
-    SQUAT,
-    SmootherEpochs,
-    decorrelated,
-    design,
-)
+from fusion.profile.model import BIAS, GRADE, MOUNT, SQUAT, SmootherEpochs, decorrelated, design
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath
 from fusion.types import Floats, Ints

@@ -38,9 +38,6 @@ class Change(IntEnum):
     """Not in the file any more, but other files have it"""
 
 
-SAME_ROAD = (Change.KEPT, Change.MOVED, Change.RENUMBERED, Change.REVERSED)
-"""What was measured holds for it still."""
-
 _LONGEST_CHAIN = 1000
 _Key = tuple[int, int, int]
 

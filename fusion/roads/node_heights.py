@@ -171,11 +171,7 @@ def _spanned(graph: RoadGraph, value: Floats) -> Floats:
 
 
 def _correction(
-    graph: RoadGraph,
-    ground: Floats,
-    measured_m: Floats,
-    offset: Floats,
-    rise_m: Floats | None,
+    graph: RoadGraph, ground: Floats, measured_m: Floats, offset: Floats, rise_m: Floats | None
 ) -> Floats:
     """What is added to the ground; see the module."""
     weight, target = _weight(graph), np.zeros(len(graph.edge))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pyproj import Geod
 
 from fusion.frames import METRES_PER_DEGREE
@@ -23,6 +23,15 @@ LONGEST_GAP_M = 20_000.0
 """Nobody finds a way through longer gaps: the land between is left out."""
 _HIGHEST_DEG = 89.9
 _WGS84 = Geod(ellps="WGS84")
+
+DTYPE_OF: dict[str, Any] = {
+    **dict.fromkeys(("osm_way_id", "from_node", "to_node"), np.int64),
+    **dict.fromkeys(("lon0_deg", "lat0_deg", "lon1_deg", "lat1_deg"), np.float64),
+    **dict.fromkeys(("oneway", "layer"), np.int8),
+    **dict.fromkeys(("bridge", "tunnel"), np.bool_),
+    **dict.fromkeys(("highway", "name"), np.object_),
+}
+"""What each column of a ``RoadTable`` is made of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,44 +66,13 @@ class RoadTable:
         return tuple(spec.name for spec in fields(cls) if spec.name != "skipped")
 
     @classmethod
-    def from_columns(
-        cls,
-        *,
-        osm_way_id: ArrayLike,
-        from_node: ArrayLike,
-        to_node: ArrayLike,
-        lon0_deg: ArrayLike,
-        lat0_deg: ArrayLike,
-        lon1_deg: ArrayLike,
-        lat1_deg: ArrayLike,
-        oneway: ArrayLike,
-        bridge: ArrayLike,
-        tunnel: ArrayLike,
-        layer: ArrayLike,
-        highway: Sequence[str] | NDArray[np.object_],
-        name: Sequence[str | None] | NDArray[np.object_],
-        skipped: Counter[str] | None = None,
-    ) -> RoadTable:
+    def from_columns(cls, *, skipped: Counter[str] | None = None, **columns: Any) -> RoadTable:
         """Build a table from columns of equal length in any order.
 
         Rows are sorted; of rows with the same identity the first is kept.
         Raises ``ValueError`` for columns of different lengths.
         """
-        given: dict[str, NDArray[Any]] = {
-            "osm_way_id": np.asarray(osm_way_id, np.int64),
-            "from_node": np.asarray(from_node, np.int64),
-            "to_node": np.asarray(to_node, np.int64),
-            "lon0_deg": np.asarray(lon0_deg, np.float64),
-            "lat0_deg": np.asarray(lat0_deg, np.float64),
-            "lon1_deg": np.asarray(lon1_deg, np.float64),
-            "lat1_deg": np.asarray(lat1_deg, np.float64),
-            "oneway": np.asarray(oneway, np.int8),
-            "bridge": np.asarray(bridge, np.bool_),
-            "tunnel": np.asarray(tunnel, np.bool_),
-            "layer": np.asarray(layer, np.int8),
-            "highway": np.asarray(highway, np.object_),
-            "name": np.asarray(name, np.object_),
-        }
+        given = {column: np.asarray(values, DTYPE_OF[column]) for column, values in columns.items()}
         shapes = {column: values.shape for column, values in given.items()}
         if len(set(shapes.values())) != 1 or len(shapes["osm_way_id"]) != 1:
             raise ValueError(f"the columns of a RoadTable must be vectors of one length, not {shapes}")
@@ -108,7 +86,7 @@ class RoadTable:
     @classmethod
     def empty(cls) -> RoadTable:
         """A table without segments."""
-        return cls.from_columns(**{c: [] for c in cls.columns()})  # type: ignore[arg-type]
+        return cls.from_columns(**dict.fromkeys(cls.columns(), ()))  # type: ignore[arg-type]
 
     def __len__(self) -> int:
         return len(self.osm_way_id)

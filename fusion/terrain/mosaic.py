@@ -15,10 +15,9 @@ from pyproj import CRS, Transformer
 from fusion.compiled import compiled
 from fusion.frames import METRES_PER_DEGREE, LocalProjection
 from fusion.terrain.cache import DemCache
-from fusion.terrain.local_grid import LocalGrid
+from fusion.terrain.local_grid import LocalGrid, tin_heights
 from fusion.terrain.quality import read_scenes
 from fusion.terrain.raster import ALIGNED_POSTS, Raster, apply, read_posts
-from fusion.terrain.tin import tin_heights
 from fusion.types import Floats, Ints
 
 BLOCK_POSTS = 256  # a side; what is read from files and kept at once, 0.5 MB

@@ -24,16 +24,16 @@ from fusion.registry import Registry
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
-from fusion.terrain.local_grid import LocalGrid, polynomial
+from fusion.terrain.local_grid import LocalGrid, polynomial, tin_height
 from fusion.terrain.mosaic import DemPatch
 from fusion.terrain.plane import Plane, PlaneModel, plane_through
-from fusion.terrain.tin import tin_height
 from fusion.types import Floats, Ints
 
 TIN_MARGIN_M = 150.0
 """How far from its segment a ``TinModel`` knows heights, at least; an estimate farther off is not on it."""
 
 Mask = NDArray[np.bool_]
+Select = Callable[[tuple[int, ...], Floats, Floats], Mask]
 
 
 class HeightModel(Protocol):
@@ -45,24 +45,6 @@ class HeightModel(Protocol):
 
     def height_at(self, x_m: float, y_m: float) -> float:
         """The same for one place, without the cost of arrays."""
-        ...
-
-
-class DemWindow(Protocol):
-    """A way to look at the terrain under a segment; called once per segment, it serves every epoch."""
-
-    @property
-    def name(self) -> str:
-        """The name in ``WINDOWS``."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """One line for people."""
-        ...
-
-    def model(self, dem: Dem, network: RoadNetwork, segment: int) -> HeightModel | None:
-        """The heights near a segment of the network, or None where the elevation model has none there."""
         ...
 
 
@@ -117,42 +99,36 @@ def _tin_heights(
 
 
 @dataclass(frozen=True)
-class TinWindow:
-    """The registered form of ``TinModel``."""
+class DemWindow:
+    """A way to look at the terrain under a segment; called once per segment, it serves every epoch.
 
-    name: str = "tin"
-    description: str = "the two triangles of each cell (chapter 2): follows the ground, no smoothing"
-
-    def model(self, dem: Dem, network: RoadNetwork, segment: int) -> TinModel | None:
-        """See ``DemWindow``."""
-        patch = dem.posts(*_ends_deg(network.table, segment), margin_posts=2, margin_m=TIN_MARGIN_M)
-        return None if patch is None else TinModel(patch, patch.local_grid(network.projection))
-
-
-@dataclass(frozen=True)
-class PlaneWindow:
-    """A least-squares plane through the posts that ``select`` takes; triangles where they make no plane.
-
+    A least-squares plane through the posts that ``select`` takes; triangles where they make no plane, or it is None.
     ``select``, compiled, gets the shape of a patch and the segment's ends in its grid coordinates, and marks posts.
     """
 
     name: str
     description: str
-    select: Callable[[tuple[int, ...], Floats, Floats], Mask]
+    select: Select | None = None
 
     def model(self, dem: Dem, network: RoadNetwork, segment: int) -> HeightModel | None:
-        """See ``DemWindow``."""
-        patch = dem.posts(*_ends_deg(network.table, segment), margin_posts=2)
-        plane = None if patch is None else self._plane(patch, network)
-        return plane or TinWindow().model(dem, network, segment)
+        """The heights near a segment of the network, or None where the elevation model has none there."""
+        ends = _ends_deg(network.table, segment)
+        if self.select is not None:
+            patch = dem.posts(*ends, margin_posts=2)
+            plane = None if patch is None else _plane(self.select, patch, network)
+            if plane is not None:
+                return plane
+        patch = dem.posts(*ends, margin_posts=2, margin_m=TIN_MARGIN_M)
+        return None if patch is None else TinModel(patch, patch.local_grid(network.projection))
 
-    def _plane(self, patch: DemPatch, network: RoadNetwork) -> PlaneModel | None:
-        """The plane, or None for fewer than 3 posts or collinear ones."""
-        u0, v0, step = patch.u0, patch.v0, patch.step
-        marked = self.select(patch.z.shape, (patch.u - u0) / step, (patch.v - v0) / step)
-        grid = patch.local_grid(network.projection)
-        plane = _plane_of_marked(patch.z, marked, (u0, v0, step), grid.grid_box, grid.to_plane)
-        return PlaneModel(*plane) if plane[-1] else None
+
+def _plane(select: Select, patch: DemPatch, network: RoadNetwork) -> PlaneModel | None:
+    """The plane, or None for fewer than 3 posts or collinear ones."""
+    u0, v0, step = patch.u0, patch.v0, patch.step
+    marked = select(patch.z.shape, (patch.u - u0) / step, (patch.v - v0) / step)
+    grid = patch.local_grid(network.projection)
+    plane = _plane_of_marked(patch.z, marked, (u0, v0, step), grid.grid_box, grid.to_plane)
+    return PlaneModel(*plane) if plane[-1] else None
 
 
 @compiled
@@ -236,13 +212,11 @@ def _hollow(shape: tuple[int, ...], u: Floats, v: Floats) -> Mask:
 
 WINDOWS: Registry[DemWindow] = Registry("DEM window")
 """The windows by name; ``adjacent`` is the default of every method that fits planes."""
-WINDOWS.add("tin", TinWindow())
 for _window in (
-    PlaneWindow(
-        "adjacent", "plane through the corners of the cells that the segment crosses (FGA)", _adjacent
-    ),
-    PlaneWindow("full", "plane through the rectangle around the segment, one cell wider", _full),
-    PlaneWindow("hollow", "plane through the border of the rectangle around the segment", _hollow),
+    DemWindow("tin", "the two triangles of each cell (chapter 2): follows the ground, no smoothing"),
+    DemWindow("adjacent", "plane through the corners of the cells that the segment crosses (FGA)", _adjacent),
+    DemWindow("full", "plane through the rectangle around the segment, one cell wider", _full),
+    DemWindow("hollow", "plane through the border of the rectangle around the segment", _hollow),
 ):
     WINDOWS.add(_window.name, _window)
 

@@ -17,7 +17,7 @@ down_revision = "0012"
 branch_labels = None
 depends_on = None
 
-# As app.roads.regions.region_name has it.
+# As app.roads.store.region_name has it.
 _FIRST = """
     INSERT INTO regions (name, source_name, sha256, imported_at, road_version_id, segments)
     SELECT coalesce(nullif(lower(left(regexp_replace(regexp_replace(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fusion.frames import GRAVITY_MPS2
-from fusion.profile.alignment import Changes, Cue, Signal, changes_of
+from fusion.profile.inertia import Changes, Cue, Signal, changes_of
 from fusion.types import Floats
 
 START_S = 1.7e9

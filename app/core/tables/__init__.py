@@ -195,7 +195,7 @@ class Drive(Base):
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
     duplicate_of: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
-    """The drive that this one duplicates, which counts in its place (``app.network.duplicates``)."""
+    """The drive that this one duplicates, which counts in its place (``app.network.results``)."""
     batch_id: Mapped[int | None] = mapped_column(ForeignKey("batches.id", ondelete="SET NULL"))
     """The batch with which it was last asked for; NULL where it was asked for by itself."""
     before_batch: Mapped[dict[str, Any] | None]

@@ -135,7 +135,7 @@ class Cell(Base):
     """Number and length, m, of the driven segments of each class whose middle lies in the cell."""
 
     road_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
-    """Which step of which import changed the roads that meet the cell last (``app.network.road_states``)."""
+    """Which step of which import changed the roads that meet the cell last (``app.network.cells``)."""
     course_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
     """The same of changes that a drive would notice: roads that came, went, or lie elsewhere."""
 

@@ -16,7 +16,7 @@ from app.drives.batches.documents import Batch, BatchAccepted, BatchRequest, Sel
 from app.drives.batches.notes import note
 from app.drives.batches.store import batch_progress, count_selected, count_skipped, standing
 from app.drives.method_choice import default_method
-from app.roads.regions import known_region
+from app.roads.store import known_region
 from fusion.errors import RoadsError
 
 _LAST = 2**63 - 1  # that a number of the database can be

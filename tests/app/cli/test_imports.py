@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 from app.cli import app
 from app.core.db import make_engine, session_factory
 from app.network.extracts import all_roads
-from app.roads.documents import ImportCounts
-from app.roads.sentences import remarks, summary
+from app.roads.documents import ImportCounts, remarks, summary
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.osm_file import write_osm
 from network_support import drive_over

@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import text
 
 from app.core.db import Sessions, fetch_binary
-from app.network import condensed, passes, settle, surroundings, swap
+from app.network import condensed, passes, settle, solve, swap
 from app.network.cells import partitions_around
 from app.roads import imports as roads
 from condensed_support import TINY, assert_sums_hold, ten_drives
@@ -152,7 +152,7 @@ def test_whether_a_segment_is_driven_is_one_look(
             for query, values in ((settle._IN_NETWORK_OF_CELL, {"cell": cell}), (settle._CELLS, {}))
         ]
         known = {"ids": segment_ids, "partitions": partitions_around(np.array([cell]))}
-        rows = fetch_binary(session, f"EXPLAIN (ANALYZE, TIMING OFF) {surroundings.KNOWN}", known)
+        rows = fetch_binary(session, f"EXPLAIN (ANALYZE, TIMING OFF) {solve.KNOWN}", known)
         plans.append([line for (line,) in rows])
         for plan in map("\n".join, plans):
             scans = [line for line in plan.splitlines() if " on drive_passes_of_" in line]

@@ -14,8 +14,8 @@ from typer.testing import CliRunner, Result
 from app.cli import app
 from app.core.db import Sessions
 from app.network.cells import data_version
-from app.network.control import control_near
 from app.network.control_import import ControlCounts, import_control
+from app.network.solve import control_near
 from fusion.network.control import ControlPoint
 from fusion.roads.table import RoadTable
 from fusion.types import Ints

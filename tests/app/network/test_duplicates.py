@@ -13,7 +13,7 @@ from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.drives import claims, publishing
 from app.drives import store as drives
-from app.network import duplicates
+from app.network import results
 from app.network.settle import settle_network
 from fusion.network import duplicates as same_drives
 from fusion.network.duplicates import DriveTrace, is_duplicate
@@ -204,7 +204,7 @@ def test_the_cost_of_a_copy_does_not_grow_quadratically(
         compared.append(1)
         return is_duplicate(one, other)
 
-    monkeypatch.setattr(duplicates, "is_duplicate", counted)
+    monkeypatch.setattr(results, "is_duplicate", counted)
     monkeypatch.setattr(same_drives, "is_duplicate", counted)
     last = drive(sessions, chain(), segment_ids, 9 if better else 5, COPIES / 1000)
     assert (duplicate_of(sessions, last) is None) == better
@@ -222,7 +222,7 @@ def test_what_is_decided_one_by_one_is_what_is_decided_at_once(
         drive(sessions, chain(), segment_ids, rows, apart_s, first)
     with sessions() as session:
         every = set(session.execute(text("SELECT id FROM drives")).scalars())
-        rows_, again = duplicates._assign(session, duplicates._connected(session, every))
+        rows_, again = results._assign(session, results._connected(session, every))
         assert {row.id for row in rows_} == every
         named = {row.id: rows_[again[k]].id if k in again else None for k, row in enumerate(rows_)}
         assert {row.id: row.duplicate_of for row in rows_} == named

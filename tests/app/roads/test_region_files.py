@@ -10,7 +10,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.core.settings.places import RemoteFolder
-from app.roads import regions
+from app.roads import store
 from app.roads.documents import ImportCounts, Wishes
 from app.roads.imports import import_roads, remove_region
 from fusion.errors import RoadsError
@@ -97,6 +97,6 @@ def test_changes_that_cannot_be_applied_are_refused(sessions: Sessions, tmp_path
         import_roads(sessions, changes, place)
     import_roads(sessions, town(tmp_path), place, region="second")
     with sessions() as session:
-        assert regions.changed_region(session, None, "town.osc.gz").name == "town"
+        assert store.changed_region(session, None, "town.osc.gz").name == "town"
     with pytest.raises(RoadsError, match=r"\(second, town\)"):
         import_roads(sessions, changes, place)

@@ -17,7 +17,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.network import extracts, locks
-from app.roads import imports, regions
+from app.roads import imports, store
 from app.roads.documents import ImportCounts, Wishes
 from app.roads.imports import remove_region
 from fusion.errors import RoadsError
@@ -47,7 +47,7 @@ def test_a_second_town_takes_nothing_from_the_first(sessions: Sessions, chain: C
     assert rows_of(sessions) == before
     assert sorted({tuple(names) for _, names in stored(sessions).values()}) == [("here",), ("there",)]
     with sessions() as session:
-        figures = {one.name: (one.segments, one.measured) for one in regions.region_figures(session)}
+        figures = {one.name: (one.segments, one.measured) for one in store.region_figures(session)}
         assert figures == {"here": (6, 6), "there": (4, 0)}
         assert (
             session.execute(text("SELECT segments FROM road_versions ORDER BY id DESC LIMIT 1")).scalar()
@@ -72,9 +72,9 @@ def test_roads_of_two_regions_are_there_once_and_stay_while_either_has_them(
     assert remove_region(sessions, "east", Path("nowhere"), wishes=Wishes(accept_losses=True)).dropped == 5
     assert {key[1] for key in stored(sessions)} == {100, 101}
     with sessions() as session:
-        assert regions.region_names(session) == ["west"]
+        assert store.region_names(session) == ["west"]
         with pytest.raises(RoadsError, match=r"no region 'east'\. There are: west\."):
-            regions.known_region(session, "east")
+            store.known_region(session, "east")
 
 
 def test_the_newest_file_counts_between_the_nodes_that_it_has(sessions: Sessions, chain: Chain) -> None:
@@ -156,10 +156,10 @@ def test_names_come_from_files() -> None:
         ("Karlsruhe-regbez.osm.pbf", "karlsruhe-regbez"), ("a b/c.osm.gz", "a-b-c"), (".osm", "roads"),
         ("Köln.osm", "köln"), ("changes.osc.gz", "changes"), ("x" * 200 + ".pbf", "x" * 100),
     ):  # fmt: skip
-        assert regions.region_name(file) == name
+        assert store.region_name(file) == name
     for bad in ("", "a b", "x" * 101, "a/b"):
         with pytest.raises(RoadsError, match="region's name"):
-            regions.check_name(bad)
+            store.check_name(bad)
 
 
 nodes = st.lists(st.integers(1, 8), min_size=2, max_size=5, unique=True)

@@ -21,6 +21,7 @@ from app.drives.renewal import HeightFiller
 from app.map import store as map_store
 from app.network.locks import own_network, share_network, try_share_network
 from app.roads import imports as roads
+from app.roads.documents import USUAL, Source
 from app.terrain import coverage, files, heights, imports
 from app.terrain.store import DemSource, current_dem, pending_heights
 from fusion.errors import TerrainError
@@ -117,6 +118,15 @@ def test_what_is_left_renews_the_heights_of_a_removed_raster(
         assert pending_heights(session) is None
     with pytest.raises(TerrainError, match=r"no elevation raster wide\.tif"):
         imports.remove_dem(sessions, ["wide.tif"], dem_dir)
+
+
+@pytest.mark.usefixtures("two")
+def test_roads_come_in_after_the_last_raster_has_gone(
+    sessions: Sessions, chain: Callable[..., RoadTable], dem_dir: Path
+) -> None:
+    imports.remove_dem(sessions, ["east.tif", "wide.tif"], dem_dir)
+    source = Source("north", "1" * 64, "north")
+    assert roads.bring_in(sessions, chain(lat=49.5, way=9), source, dem_dir, USUAL).added == 10
 
 
 def test_a_change_that_is_cut_off_is_gone_on_with(

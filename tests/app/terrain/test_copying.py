@@ -15,7 +15,7 @@ from affine import Affine
 from app.core.errors import StorageFullError
 from app.core.settings import Settings
 from app.terrain import files
-from app.terrain.copying import Limits, operator_limits, request_limits
+from app.terrain.files import Limits, operator_limits, request_limits
 from fusion.errors import TerrainError
 from fusion.terrain.drivers import HGT_MOST_BYTES
 

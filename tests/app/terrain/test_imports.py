@@ -19,7 +19,7 @@ from app.roads import imports as roads
 from app.terrain import files, heights
 from app.terrain import imports as dem
 from app.terrain import store as dem_store
-from app.terrain.copying import Limits
+from app.terrain.files import Limits
 from app.terrain.store import DemSet, current_dem
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable

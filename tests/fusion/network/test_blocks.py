@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fusion.network.adjust import Adjustment, adjust
 from fusion.network.blocks import BlockedSystem, Partition, bisected
 from fusion.network.equations import Blocks, EquationSystem
-from fusion.network.terrain import heights_at
+from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions
 from network_draws import driven_town, town
 
@@ -59,7 +59,7 @@ def apart(left: Adjustment, right: Adjustment) -> float:
 def test_a_town_in_blocks_is_the_town(count: int) -> None:
     table, drives = driven_town()
     lon, lat = knot_positions(table)
-    terrain = heights_at(200.0 + 3e3 * (lon - 8.5) + 2e3 * (lat - 49.0))
+    terrain = Terrain(200.0 + 3e3 * (lon - 8.5) + 2e3 * (lat - 49.0))
     whole = adjust(table, drives, terrain)
     partition = bisected(table, -(-len(table) // count))
     assert len(np.unique(partition.block)) >= count

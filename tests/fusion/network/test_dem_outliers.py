@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from factor_support import Sensors, street
 from fusion.network.adjust import adjust
-from fusion.network.dem_outliers import displaced
-from fusion.network.terrain import Terrain
+from fusion.network.terrain import Terrain, displaced
 from street_support import height_at, knots_m, ride
 
 STREET = street(*[60.0] * 40)

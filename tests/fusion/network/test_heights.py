@@ -15,7 +15,7 @@ from fusion.network.drive_beliefs import START_SIGMA_M
 from fusion.network.road_beliefs import LEVEL_SIGMA_M
 from fusion.network.segment_slopes import KNOWN_SIGMA_M
 from fusion.network.steepest import STRETCH_M, steepest
-from fusion.network.terrain import heights_at
+from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions
 from fusion.types import Floats
 
@@ -80,7 +80,7 @@ def test_a_drive_without_heights_gives_slopes_and_no_heights() -> None:
 def test_an_elevation_model_brings_heights() -> None:
     table = street_east(*LENGTHS)
     lon, _ = knot_positions(table)
-    terrain = heights_at(500.0 + 0.0 * lon)
+    terrain = Terrain(500.0 + 0.0 * lon)
     found = adjust(table, {0: drive_along(table, lambda at: 0.0 * at, altitude_sigma_m=None)}, terrain)
     assert found.height_from_m == pytest.approx(np.full(len(table), 500.0), abs=2.0)
     assert np.all(found.height_sigma_m < KNOWN_SIGMA_M)

@@ -10,7 +10,7 @@ import pytest
 from factor_support import Sensors, block_of_streets, driven, street
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
-from fusion.network.terrain import DEFAULT_LENGTH_M, DEFAULT_SIGMA_M, Terrain, heights_at
+from fusion.network.terrain import DEFAULT_LENGTH_M, DEFAULT_SIGMA_M, Terrain
 from fusion.network.unknowns import RoadUnknowns, knot_positions
 from fusion.roads.table import RoadTable
 from street_support import height_at, knots_m, ride, true_percent
@@ -55,7 +55,7 @@ def test_an_exact_model_is_believed(up_m: float) -> None:
     for seed in range(3):
         drives = {0: ride(STREET, ORDINARY, seed)}
         alone.append(adjust(STREET, drives).slope_percent - TRUE_PERCENT)
-        found = adjust(STREET, drives, heights_at(height_at(KNOTS_M) + up_m))
+        found = adjust(STREET, drives, Terrain(height_at(KNOTS_M) + up_m))
         error.append(found.slope_percent - TRUE_PERCENT)
         inside.append(np.abs(error[-1]) < 1.96 * found.slope_sigma_percent)
         assert found.model is not None

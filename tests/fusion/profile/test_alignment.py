@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusion.profile.alignment import (
+from fusion.profile.blocks import NOTHING, Estimate
+from fusion.profile.inertia import (
     BLOCK_S,
     LONGEST_LAG_S,
     MIN_SPEED_MPS,
@@ -19,7 +20,6 @@ from fusion.profile.alignment import (
     mount_yaw,
     time_lag,
 )
-from fusion.profile.blocks import NOTHING, Estimate
 from inertia_support import START_S, Ride, ride
 
 SEEDS = st.integers(0, 1000)

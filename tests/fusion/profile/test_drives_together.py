@@ -10,7 +10,7 @@ import pytest
 from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
-from fusion.network.terrain import heights_at
+from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions
 from fusion.pipeline import run_drive
 from fusion.profile.method import adjusted_slopes
@@ -40,7 +40,7 @@ class Together:
 
 
 def solved(town: Town, drives: dict[int, list[PassFactor]], world: World) -> Adjustment:
-    return adjust(town.roads, drives, heights_at(world.dem(town.seed).heights(*knot_positions(town.roads))))
+    return adjust(town.roads, drives, Terrain(world.dem(town.seed).heights(*knot_positions(town.roads))))
 
 
 @pytest.fixture(scope="module")

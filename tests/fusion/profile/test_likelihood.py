@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from dense_equations import inverted
 from fusion.network.curve import height_weights, variable_count
 from fusion.network.pass_factor import CONSTANTS, ENTRY, EXIT, NUISANCES
-from fusion.profile.likelihood import Likelihoods, likelihoods
+from fusion.profile.factors import Likelihoods, likelihoods
 from fusion.profile.model import DRIFT, JUMP_SIGMA
 from fusion.profile.traversals import OnTraversals
 

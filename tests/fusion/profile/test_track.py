@@ -11,7 +11,7 @@ from fusion.profile.levels import prior_noise
 from fusion.profile.measurements import ALTITUDE, build_measurements
 from fusion.profile.model import GRADE, HEIGHT, build_smoother_epochs
 from fusion.profile.noise import learn
-from fusion.profile.track import build_track
+from fusion.profile.report import build_track
 from profile_support import Levels, hills, smoothed, street_log
 
 TABLE = street(*[60.0] * 20)

@@ -11,11 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.roads.changes import SAME_ROAD, Change, RoadChanges, compare
+from fusion.roads.changes import Change, RoadChanges, compare
 from fusion.roads.table import RoadTable
 
 Way = tuple[int, Sequence[int]]
 METRE = 1 / 111_132.0
+
+STAYS = (Change.KEPT, Change.MOVED, Change.RENUMBERED, Change.REVERSED, Change.FAR)
+"""What a row of the file takes the place of."""
 
 
 def table(ways: Sequence[Way], shifted: dict[int, float] | None = None) -> RoadTable:
@@ -138,7 +141,9 @@ def test_every_segment_becomes_one_thing_and_every_row_is_taken_once(
     if member:
         assert len(found.stored) == len(stored)
     for change, key in said.values():
-        assert (key is not None) == (change in (*SAME_ROAD, Change.FAR))
+        assert (key is not None) == (
+            change in (Change.KEPT, Change.MOVED, Change.RENUMBERED, Change.REVERSED, Change.FAR)
+        )
         assert (change is Change.RELEASED) <= (member and others)
 
 

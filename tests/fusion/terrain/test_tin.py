@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from fusion.terrain.tin import tin_heights
+from fusion.terrain.local_grid import tin_heights
 
 HEIGHTS = hnp.arrays(float, st.tuples(st.integers(2, 6), st.integers(2, 7)), elements=st.floats(-400, 5000))
 SHARE = st.floats(0, 1)

@@ -14,8 +14,8 @@ from sqlalchemy import event
 from app.core.databases import drop_database
 from app.core.db import Sessions, fetch_binary, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
-from app.network import cell_roads, extracts, surroundings
-from app.network.cell_roads import Roads, roads_in
+from app.network import extracts, solve
+from app.network.extracts import Roads, roads_in
 from app.roads.imports import replace_roads
 from app.roads.store import road_version_id
 from fusion.roads.table import RoadTable, boxes_along, rows_of
@@ -54,8 +54,8 @@ def test_they_are_those_of_the_whole(
     lon = data.draw(st.lists(st.floats(west - 0.01, east + 0.01), min_size=1, max_size=8))
     lat = data.draw(st.lists(st.floats(south - 0.01, north + 0.01), min_size=len(lon), max_size=len(lon)))
     boxes = boxes_along(np.array(lon), np.array(lat), data.draw(st.floats(0, 500)))
-    monkeypatch.setattr(cell_roads, "MOST_CACHED", data.draw(st.sampled_from([0, 50, 100_000])))
-    monkeypatch.setattr(cell_roads, "CELLS_AT_ONCE", data.draw(st.sampled_from([1, 3, 64])))
+    monkeypatch.setattr(extracts, "MOST_CACHED", data.draw(st.sampled_from([0, 50, 100_000])))
+    monkeypatch.setattr(extracts, "CELLS_AT_ONCE", data.draw(st.sampled_from([1, 3, 64])))
     near = found(sessions, boxes)
     with sessions() as session:
         whole, all_ids = extracts.all_roads(session)
@@ -142,7 +142,7 @@ def test_what_a_window_needs_is_found_by_the_index(sessions: Sessions, chain: Ch
     assert "Seq Scan on segments" not in plans[0]
     with sessions() as session:
         values = {"ids": np.arange(1, 200), "partitions": [33 << 6 | 21]}
-        lines = fetch_binary(session, "EXPLAIN " + surroundings.KNOWN, values)
+        lines = fetch_binary(session, "EXPLAIN " + solve.KNOWN, values)
     plan = "\n".join(line for (line,) in lines)
     assert "Append" not in plan  # of all parts of the passes one is looked into
     assert "segments" not in plan
