@@ -77,65 +77,72 @@ def line(srid: int) -> Geometry:
     return Geometry("LINESTRING", srid=srid, spatial_index=False)
 
 
-class RoadVersion(Base):
-    """One import of the road network and what became of the segments that were there."""
+def where(condition: str) -> dict[str, Any]:
+    """The options of an index on those rows alone."""
+    return {"postgresql_where": text(condition)}
 
-    __tablename__ = "road_versions"
+
+class Numbered:
+    """Rows are numbered as they come."""
 
     id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+
+
+class OneRow:
+    """There is one row, of the number 1."""
+
+    id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+
+
+class Import:
+    """Roads as one file had them: which, when, and how many segments there are since."""
+
     source_name: Mapped[str]
     sha256: Mapped[str]
     imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
     segments: Mapped[int]
-    kept: Mapped[int]
-    moved: Mapped[int]
-    dropped: Mapped[int]
-    added: Mapped[int]
-    length_m: Mapped[float | None]
-    """Of the whole network after it, as ``segments`` are; NULL of imports by code that did not note it."""
-    region: Mapped[str | None]
-    """What it brought up to date; NULL: the whole network, as imports did before there were regions."""
 
 
-class DemVersion(Base):
-    """One state of the set of elevation rasters; ``sources`` lists ``{name, uri, sha256, priority, bounds_deg}`` of
-    each file; versions of before 0014 have the first three. The active one may be empty.
-    """
+class OfWay:
+    """A part of an OpenStreetMap way, drawn from ``from_node`` to ``to_node``."""
 
-    __tablename__ = "dem_versions"
-
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    sources: Mapped[list[dict[str, Any]]]
-    datum: Mapped[str]
-    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    active: Mapped[bool]
-    pending: Mapped[dict[str, Any] | None]
-    """Where segments still have the heights of the set before: ``{boxes_deg, after_id}``; NULL: nowhere."""
-
-    __table_args__ = (
-        Index("uq_dem_versions_active", "active", unique=True, postgresql_where=text("active")),
-    )
-
-
-class Segment(Base):
-    """A pair of consecutive nodes of a drivable way, drawn from ``from_node`` to ``to_node``."""
-
-    __tablename__ = "segments"
-
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
     osm_way_id: Mapped[int] = mapped_column(BigInteger)
     from_node: Mapped[int] = mapped_column(BigInteger)
     to_node: Mapped[int] = mapped_column(BigInteger)
     geom: Mapped[WKBElement] = mapped_column(line(SRID_DEGREES))
-    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
     length_m: Mapped[float]
+
+
+class Road(OfWay):
+    """One that may be driven on, with the slope that the elevation model gives it."""
+
+    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
     highway: Mapped[str]
     name: Mapped[str | None]
     oneway: Mapped[int] = mapped_column(SmallInteger)
     bridge: Mapped[bool]
+    """Any of it, as of ``tunnel``."""
     tunnel: Mapped[bool]
-    layer: Mapped[int] = mapped_column(SmallInteger)
     dem_slope_percent: Mapped[float | None]
+
+
+class Estimate:
+    """What one drive says about one segment, all its passes together."""
+
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    observations: Mapped[int]
+    passes: Mapped[int]
+    first_at: Mapped[datetime]
+    last_at: Mapped[datetime]
+
+
+class Segment(Numbered, Road, Base):
+    """A pair of consecutive nodes of a drivable way."""
+
+    __tablename__ = "segments"
+
+    layer: Mapped[int] = mapped_column(SmallInteger)
     dem_heights_m: Mapped[list[float] | None]
     """Of the elevation model at the segment's knots (``fusion.network.unknowns.knot_positions``), NaN unknown."""
     road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
@@ -153,14 +160,13 @@ class Segment(Base):
         Index("ix_segments_cell", "cell"),
         # What items are asked for by. Equal values share an entry, so these are small.
         Index("ix_segments_highway", "highway"),
-        Index("ix_segments_name", "name", postgresql_where=text("name IS NOT NULL")),
+        Index("ix_segments_name", "name", **where("name IS NOT NULL")),
         # What an update left without heights is found at once, and that nothing is left, too.
-        Index("ix_segments_without_heights", "id", postgresql_where=text(WITHOUT_HEIGHTS)),
+        Index("ix_segments_without_heights", "id", **where(WITHOUT_HEIGHTS)),
     )
 
 
 _NAME = "left(lower(filename), 100)"  # of collation "C", of which reflected indexes say nothing
-_FAILED: dict[str, Any] = {"postgresql_where": text("status = 'failed'")}
 
 
 class Drive(Base):
@@ -214,30 +220,35 @@ class Drive(Base):
         CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
         Index("ix_drives_created_at_id", "created_at", "id"),
         Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
-        Index("ix_drives_queued_at", "queued_at", postgresql_where=text("status = 'queued'")),
+        Index("ix_drives_queued_at", "queued_at", **where("status = 'queued'")),
         # How many ended in an hour or a day is answered out of the index.
         Index(
             "ix_drives_finished_at",
             "finished_at",
             postgresql_include=["status", "distance_m"],
-            postgresql_where=text("finished_at IS NOT NULL"),
+            **where("finished_at IS NOT NULL"),
         ),
-        Index("ix_drives_duplicate_of", "duplicate_of", postgresql_where=text("duplicate_of IS NOT NULL")),
+        Index("ix_drives_duplicate_of", "duplicate_of", **where("duplicate_of IS NOT NULL")),
         # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
         Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
         Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
         Index("ix_drives_name_created_at_id", text(_NAME), "created_at", "id"),
         Index("ix_drives_words", text("file_words(filename)"), postgresql_using="gin"),
-        Index("ix_drives_failure_kind_created_at_id", "failure_kind", "created_at", "id", **_FAILED),
+        Index(
+            "ix_drives_failure_kind_created_at_id",
+            "failure_kind",
+            "created_at",
+            "id",
+            **where("status = 'failed'"),
+        ),
     )
 
 
-class Provenance(Base):
+class Provenance(Numbered, Base):
     """How a drive's present estimates were made; ``options`` are complete, defaults included."""
 
     __tablename__ = "provenances"
 
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
     drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
     method: Mapped[str]
     options: Mapped[dict[str, Any]]
@@ -249,19 +260,13 @@ class Provenance(Base):
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
 
 
-class DriveSegment(Base):
-    """What one drive says about one segment, all its passes together."""
+class DriveSegment(Estimate, Base):
+    """An estimate, and the run that made it."""
 
     __tablename__ = "drive_segments"
 
     drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
     segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True)
-    slope_percent: Mapped[float]
-    slope_sigma_percent: Mapped[float]
-    observations: Mapped[int]
-    passes: Mapped[int]
-    first_at: Mapped[datetime]
-    last_at: Mapped[datetime]
     provenance_id: Mapped[int] = mapped_column(ForeignKey("provenances.id", ondelete="CASCADE"), index=True)
     in_network: Mapped[bool] = mapped_column(server_default=text("false"))
     """The drive contributes factors: this is shown as its own estimate and not combined a second time."""
@@ -269,13 +274,20 @@ class DriveSegment(Base):
     __table_args__ = (
         CheckConstraint("slope_sigma_percent > 0", name="sigma"),
         Index("ix_drive_segments_segment_id", "segment_id"),
-        Index("ix_drive_segments_slope_only", "segment_id", postgresql_where=text("NOT in_network")),
+        Index("ix_drive_segments_slope_only", "segment_id", **where("NOT in_network")),
     )
 
 
-class _OfNetwork:
-    """What the network knows of a segment besides its slope; NULL where it is not in the network."""
+class _Slope:
+    """A segment's slope, and what the network knows of it besides; that is NULL where it is not in the network."""
 
+    segment_id: Mapped[int] = mapped_column(
+        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    drives: Mapped[int]
+    observations: Mapped[int]
     driven_share: Mapped[float | None]
     """Share of the length over which passes are accepted."""
     height_from_m: Mapped[float | None]
@@ -287,18 +299,10 @@ class _OfNetwork:
     steepest_to_m: Mapped[float | None]
 
 
-class NetworkSlope(_OfNetwork, Base):
+class NetworkSlope(_Slope, Base):
     """What all factors together say of a segment; a gap between driven ones has 0 drives and observations."""
 
     __tablename__ = "network_slopes"
-
-    segment_id: Mapped[int] = mapped_column(
-        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
-    )
-    slope_percent: Mapped[float]
-    slope_sigma_percent: Mapped[float]
-    drives: Mapped[int]
-    observations: Mapped[int]
 
 
 class DriveTrack(Base):
@@ -312,7 +316,7 @@ class DriveTrack(Base):
     """Drawn behind the profile; NULL where the method offers none."""
 
 
-class SegmentSlope(_OfNetwork, Base):
+class SegmentSlope(_Slope, Base):
     """What is published of one segment: the network's slope combined with the estimates of slope-only drives.
 
     A gap between driven segments has 0 drives and observations; a segment of which nothing is known has no row.
@@ -320,13 +324,6 @@ class SegmentSlope(_OfNetwork, Base):
 
     __tablename__ = "segment_slopes"
 
-    segment_id: Mapped[int] = mapped_column(
-        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
-    )
-    slope_percent: Mapped[float]
-    slope_sigma_percent: Mapped[float]
-    drives: Mapped[int]
-    observations: Mapped[int]
     updated_at: Mapped[datetime] = mapped_column(server_default=func.now())
 
     # What items are asked for and sorted by.

@@ -1,4 +1,5 @@
-"""The tables of the network: what drives and surveyors contribute, and the cells in which it is solved."""
+"""The tables of the network: what drives and surveyors contribute, and the cells in which it is solved; and those of
+imports: versions of roads and elevation, regions, the retired evidence of deleted roads."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from sqlalchemy import (
 from sqlalchemy.dialects.postgresql import ARRAY
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import Base
+from app.core.tables import Base, Estimate, Import, Numbered, OfWay, where
 
 PARTITION_PREFIX = "drive_passes_of_"
 """How the names of the parts of ``drive_passes`` begin; a row's part follows from a hash of its partition."""
@@ -55,12 +56,12 @@ class DrivePass(Base):
             postgresql_include=["drive_id", "partition"],
         ),
         # The recent passes over a segment, however many passes there are.
-        Index("ix_drive_passes_recent", "segment_id", postgresql_where=text("condensed_weight IS NULL")),
+        Index("ix_drive_passes_recent", "segment_id", **where("condensed_weight IS NULL")),
         {"postgresql_partition_by": "HASH (partition)"},
     )
 
 
-class CondensedPasses(Base):
+class CondensedPasses(Numbered, Base):
     """Old passes over a segment as one sum (``fusion.network.condensed``): the sum over the segment's rows.
 
     Rows are only added, so that nobody waits for anybody; a row that subtracts a drive has its signs reversed.
@@ -68,7 +69,6 @@ class CondensedPasses(Base):
 
     __tablename__ = "condensed_passes"
 
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
     segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"), index=True)
     evidence: Mapped[bytes]
 
@@ -146,20 +146,15 @@ class Cell(Base):
     """The transaction that raised either of the two last; a trigger writes it (``SegmentChange.xid``)."""
 
     __table_args__ = (
-        Index(
-            "ix_cells_unsettled_since",
-            "unsettled_since",
-            postgresql_where=text("unsettled_since IS NOT NULL"),
-        ),
+        Index("ix_cells_unsettled_since", "unsettled_since", **where("unsettled_since IS NOT NULL")),
     )
 
 
-class NetworkMark(Base):
+class NetworkMark(Numbered, Base):
     """What waits to be solved in a cell because a drive was added or removed or something else changed there."""
 
     __tablename__ = "network_marks"
 
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
     cell: Mapped[int]
     drive_id: Mapped[uuid.UUID | None]
     """The drive that is published, or deleted, once all its marks are gone; it may not exist any more."""
@@ -178,3 +173,99 @@ class NetworkMark(Base):
         Index("ix_network_marks_drive_id", "drive_id"),
         Index("ix_network_marks_due_at", "due_at"),
     )
+
+
+class RoadVersion(Numbered, Import, Base):
+    """One import of the road network and what became of the segments that were there."""
+
+    __tablename__ = "road_versions"
+
+    kept: Mapped[int]
+    moved: Mapped[int]
+    dropped: Mapped[int]
+    added: Mapped[int]
+    length_m: Mapped[float | None]
+    """Of the whole network after it, as ``segments`` are; NULL of imports by code that did not note it."""
+    region: Mapped[str | None]
+    """What it brought up to date; NULL: the whole network, as imports did before there were regions."""
+
+
+class DemVersion(Numbered, Base):
+    """One state of the set of elevation rasters; ``sources`` lists ``{name, uri, sha256, priority, bounds_deg}`` of
+    each file; versions of before 0014 have the first three. The active one may be empty.
+    """
+
+    __tablename__ = "dem_versions"
+
+    sources: Mapped[list[dict[str, Any]]]
+    datum: Mapped[str]
+    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    active: Mapped[bool]
+    pending: Mapped[dict[str, Any] | None]
+    """Where segments still have the heights of the set before: ``{boxes_deg, after_id}``; NULL: nowhere."""
+
+    __table_args__ = (Index("uq_dem_versions_active", "active", unique=True, **where("active")),)
+
+
+class Region(Import, Base):
+    """Roads that came from one file and are updated by the next of that name."""
+
+    __tablename__ = "regions"
+
+    id: Mapped[int] = mapped_column(SmallInteger, Identity(), primary_key=True)
+    name: Mapped[str] = mapped_column(unique=True)
+    road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
+    """The import that brought it to its present state."""
+    file_uri: Mapped[str | None]
+    """What a file of changes is applied to: its ways and their nodes, where ``app.roads.region_files`` keeps them."""
+    file_sha256: Mapped[str | None]
+    bounds: Mapped[list[float] | None]
+    """West, south, east, north of its roads, degrees, as its last import left them."""
+
+
+class RetiredSegment(Numbered, OfWay, Base):
+    """A road that was deleted or moved, as it was when something was measured on it."""
+
+    __tablename__ = "retired_segments"
+
+    segment_id: Mapped[int] = mapped_column(BigInteger)
+    """The number that it had, and has again when it comes back. There need not be such a segment."""
+    retired_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)
+
+
+class _Retired(Numbered):
+    """Evidence of one drive on a retired segment, from the run whose provenance has the number ``run``."""
+
+    retired_id: Mapped[int] = mapped_column(ForeignKey("retired_segments.id", ondelete="CASCADE"), index=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    run: Mapped[int | None] = mapped_column(BigInteger)
+    """No foreign key: a drive that was computed anew has another, and is computed once more if the road comes back."""
+
+
+class RetiredPass(_Retired, Base):
+    """A pass (``DrivePass``)."""
+
+    __tablename__ = "retired_passes"
+
+    sequence: Mapped[int]
+    entered_s: Mapped[float]
+    factor: Mapped[bytes]
+
+
+class RetiredEstimate(_Retired, Estimate, Base):
+    """An estimate (``DriveSegment``)."""
+
+    __tablename__ = "retired_estimates"
+
+    in_network: Mapped[bool]
+
+
+class TouchedDrive(Base):
+    """A drive that is to be computed again because roads under it changed; a worker queues it."""
+
+    __tablename__ = "touched_drives"
+
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    road_state: Mapped[int] = mapped_column(BigInteger)
+    """A run that knew the roads of this state, or later ones, need not be repeated."""
+    made_at: Mapped[datetime] = mapped_column(server_default=func.now())

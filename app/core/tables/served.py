@@ -1,14 +1,18 @@
-"""The tables of what is served besides segments: changes, ways, what low zooms draw, and stored vector tiles."""
+"""The tables of what is served besides segments: changes, ways, what low zooms draw, stored vector tiles; and those by
+which others follow the map: whose numbers of transactions count, and who is told of changes."""
 
 from __future__ import annotations
 
+import uuid
 from datetime import datetime
+from typing import Any
 
 from geoalchemy2 import Geometry, WKBElement
-from sqlalchemy import BigInteger, CheckConstraint, Index, SmallInteger, func, text
+from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, SmallInteger, func, text
+from sqlalchemy.dialects.postgresql import ARRAY, TEXT
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import SRID_DEGREES, SRID_TILES, Base, line
+from app.core.tables import SRID_DEGREES, SRID_TILES, Base, OneRow, Road, line, where
 
 DRAWN_LEVELS = (12, 10, 8, 6)
 """Each is drawn at this zoom and at the one below."""
@@ -34,34 +38,23 @@ class SegmentChange(Base):
         Index("ix_segment_changes_xid", "xid", "segment_id"),
         Index("ix_segment_changes_changed_at", "changed_at"),
         # What is told for a time only.
-        Index("ix_segment_changes_left", "changed_at", postgresql_where=text("gone OR was IS NOT NULL")),
+        Index("ix_segment_changes_left", "changed_at", **where("gone OR was IS NOT NULL")),
     )
 
 
-class Way(Base):
+class Way(Road, Base):
     """Consecutive segments of one OpenStreetMap way, as one; derived from them by workers (``app.map.derived``)."""
 
     __tablename__ = "ways"
 
     id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
     """Of its first segment."""
-    osm_way_id: Mapped[int] = mapped_column(BigInteger, index=True)
-    from_node: Mapped[int] = mapped_column(BigInteger)
-    to_node: Mapped[int] = mapped_column(BigInteger)
     segments: Mapped[int]
-    length_m: Mapped[float]
-    highway: Mapped[str]
-    name: Mapped[str | None]
-    oneway: Mapped[int] = mapped_column(SmallInteger)
-    bridge: Mapped[bool]
-    """Any of it."""
-    tunnel: Mapped[bool]
     slope_percent: Mapped[float | None]
     """Mean over what was measured of it, by length."""
     slope_sigma_percent: Mapped[float | None]
     drives: Mapped[int]
     observations: Mapped[int]
-    dem_slope_percent: Mapped[float | None]
     updated_at: Mapped[datetime | None]
     measured_share: Mapped[float]
     """Of its length, in segments with a slope."""
@@ -69,10 +62,9 @@ class Way(Base):
     """Mean grade over the steepest 20 m, signed; from and to: metres from ``from_node``."""
     steepest_from_m: Mapped[float | None]
     steepest_to_m: Mapped[float | None]
-    geom: Mapped[WKBElement] = mapped_column(line(SRID_DEGREES))
-    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
 
     __table_args__ = (
+        Index("ix_ways_osm_way_id", "osm_way_id"),
         Index("ix_ways_geom", "geom", postgresql_using="gist"),
         Index("ix_ways_geom_3857", "geom_3857", postgresql_using="gist"),
     )
@@ -102,22 +94,16 @@ class DrawnPiece(Base):
     geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
 
     __table_args__ = tuple(
-        Index(
-            f"ix_drawn_pieces_{level}",
-            "geom_3857",
-            postgresql_using="gist",
-            postgresql_where=text(f"level = {level}"),
-        )
+        Index(f"ix_drawn_pieces_{level}", "geom_3857", postgresql_using="gist", **where(f"level = {level}"))
         for level in DRAWN_LEVELS
     )
 
 
-class DerivedUpTo(Base):
+class DerivedUpTo(OneRow, Base):
     """How far segments' changes are followed by the two tables above: one row (``app.map.derived``)."""
 
     __tablename__ = "derived_upto"
 
-    id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
     xid: Mapped[int] = mapped_column(BigInteger)
     """The last change that was followed, in the order of (xid, segment_id)."""
     segment_id: Mapped[int] = mapped_column(BigInteger)
@@ -172,11 +158,83 @@ class StoredTile(Base):
     __table_args__ = ({"prefixes": ["UNLOGGED"], "postgresql_with": {"toast_tuple_target": "128"}},)
 
 
-class TileEpoch(Base):
+class TileEpoch(OneRow, Base):
     """One row: the epoch of tile versions. A restored database or deleted cells begin a new one."""
 
     __tablename__ = "tile_epoch"
 
-    id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
     epoch: Mapped[str]
     """Random. With the number of the transaction that wrote the row, which a dump does not bring back."""
+
+
+class ChangeEpoch(OneRow, Base):
+    """One row: since when the numbers of transactions are those of one history (``app.changes.store``)."""
+
+    __tablename__ = "change_epoch"
+
+    epoch: Mapped[str]
+    """Random; part of every version."""
+    place: Mapped[str]
+    """Server, database and timeline in which it began."""
+    xid: Mapped[int] = mapped_column(BigInteger)
+    """The transaction that wrote this row: a copy of the row, by a dump, was written by another."""
+    pruned_xid: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    """What was gone before it is not told any more."""
+    begun_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+    __table_args__ = (CheckConstraint("id = 1", name="singleton"),)
+
+
+class Webhook(Base):
+    """An address that is told of events (``app.changes.webhooks``)."""
+
+    __tablename__ = "webhooks"
+
+    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
+    url: Mapped[str]
+    secret: Mapped[str]
+    """What messages are signed by; whoever reads the database could sign as well."""
+    events: Mapped[list[str]] = mapped_column(ARRAY(TEXT))
+    bbox: Mapped[list[float] | None]
+    """West, south, east, north, degrees: only what happens there is told; NULL: everywhere."""
+    active: Mapped[bool] = mapped_column(server_default=text("true"))
+    off_reason: Mapped[str | None]
+    """Why the service switched it off; NULL where it did not."""
+    reported_version: Mapped[str | None]
+    """The version of the map up to which changes of segments were told and taken; NULL: it does not ask for them."""
+    failures: Mapped[int] = mapped_column(server_default="0")
+    """In a row."""
+    failing_since: Mapped[datetime | None]
+    last_success_at: Mapped[datetime | None]
+    next_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    """Nothing is sent before."""
+    claimed_until: Mapped[datetime | None]
+    """Somebody is sending; one at a time, and whoever dies at it holds it no longer."""
+    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+
+
+class WebhookDelivery(Base):
+    """A message to one address: it commits together with what it tells of."""
+
+    __tablename__ = "webhook_deliveries"
+
+    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
+    webhook_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("webhooks.id", ondelete="CASCADE"))
+    event: Mapped[str]
+    data: Mapped[dict[str, Any]]
+    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    state: Mapped[str] = mapped_column(server_default="waiting")
+    attempts: Mapped[int] = mapped_column(server_default="0")
+    due_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    ended_at: Mapped[datetime | None]
+    status: Mapped[int | None]
+    """HTTP's, of the last attempt; NULL where there was no answer."""
+    problem: Mapped[str | None]
+    """What was wrong at the last attempt."""
+
+    __table_args__ = (
+        CheckConstraint("state IN ('waiting', 'taken', 'given up')", name="state"),
+        Index("ix_webhook_deliveries_waiting", "webhook_id", "due_at", **where("state = 'waiting'")),
+        Index("ix_webhook_deliveries_created_at", "webhook_id", "created_at"),
+        Index("ix_webhook_deliveries_ended_at", "ended_at", **where("ended_at IS NOT NULL")),
+    )
