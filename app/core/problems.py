@@ -17,6 +17,7 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
+from starlette.types import Receive, Scope, Send
 
 from app.core.disconnects import client_left
 from app.core.errors import (
@@ -84,6 +85,12 @@ def problem_response(
     again = kind.status == 503 or kind is KINDS[NotDoneError]
     waiting = {"Retry-After": str(RETRY_AFTER_S)} if again else {}
     return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
+
+
+async def refuse(error: ServiceError, scope: Scope, receive: Receive, send: Send, **headers: str) -> None:
+    """Answer a request by an error that was found out before any route was asked."""
+    answer = problem_response(Request(scope), kind_of(error), str(error), headers=headers)
+    await answer(scope, receive, send)
 
 
 def problem_text(kind: Kind, detail: str, instance: str) -> str:
