@@ -69,7 +69,7 @@ from app.operations import sources
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
-from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
+from app.ops.metrics import Gauges, Metrics, read_gauges
 from app.ops.metrics import router as metrics_router
 from app.web import docs, pages
 
@@ -183,8 +183,7 @@ def _middleware(
         Middleware(CollectAfterRequests),
         Middleware(Turnstile),
         Middleware(HeadMiddleware),
-        Middleware(RequestLog),
-        Middleware(MetricsMiddleware, metrics=metrics),
+        Middleware(RequestLog, observe=metrics.observe),
         Middleware(KnownHosts, settings=settings),
         *([Middleware(PublishedCors, origins=settings.origins)] if settings.origins else []),
         Middleware(TileFront, max_zoom=settings.tile_max_zoom),

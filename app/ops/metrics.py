@@ -3,7 +3,6 @@ workers and imports have counted (``app.core.telemetry``)."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -18,7 +17,6 @@ from prometheus_client.metrics_core import (
 )
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.tables import DRIVE_STATUSES
 from app.core.telemetry.ledger import totals_of_all
@@ -74,34 +72,6 @@ def metrics(request: Request) -> Response:
     """
     figures: Metrics = request.app.state.metrics
     return Response(figures.exposition(), headers={"Content-Type": CONTENT_TYPE_LATEST})
-
-
-class MetricsMiddleware:
-    """Counts and times every request by method, route template and status."""
-
-    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
-        self.app = app
-        self.metrics = metrics
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Observe one request; the time ends with the last byte of the answer."""
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
-        status, started = 500, time.perf_counter()
-
-        async def seen(message: Message) -> None:
-            nonlocal status
-            if message["type"] == "http.response.start":
-                status = message["status"]
-            await send(message)
-
-        try:
-            await self.app(scope, receive, seen)
-        finally:
-            # The template and not the path: a series per drive would never end.
-            template = getattr(scope.get("route"), "path", "(no route)")
-            self.metrics.observe(scope["method"], template, status, time.perf_counter() - started)
 
 
 class Metrics:

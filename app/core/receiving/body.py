@@ -14,7 +14,7 @@ from email.message import Message
 from email.utils import collapse_rfc2231_value
 from itertools import groupby
 from pathlib import PurePosixPath
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 from urllib.parse import unquote
 
 from python_multipart.exceptions import FormParserError
@@ -49,21 +49,6 @@ def joined(pieces: Iterable[Piece]) -> list[Piece]:
     ]
 
 
-class UploadSource(Protocol):
-    """Where the files' bytes come from."""
-
-    envelope_bytes: int
-    """How many bytes the body may be longer than the files."""
-
-    def feed(self, chunk: bytes) -> list[Piece]:
-        """Take the next bytes of the body; return those of files among them, in their order."""
-        ...
-
-    def finish(self) -> None:
-        """The body has ended; ``BadRequestError`` when it is not complete."""
-        ...
-
-
 def upload_source(headers: Headers, query: QueryParams) -> UploadSource:
     """How to read the body that these headers announce; ``UnsupportedBodyError`` where there is no way.
 
@@ -92,16 +77,17 @@ class RawBody:
     """The body is the file."""
 
     envelope_bytes = 0
+    """How many bytes the body may be longer than the files."""
 
     def __init__(self, filename: str) -> None:
         self._filename = filename
 
     def feed(self, chunk: bytes) -> list[Piece]:
-        """All of it."""
+        """Take the next bytes of the body; return those of files among them, in their order: here all."""
         return [Piece(0, self._filename, chunk)]
 
     def finish(self) -> None:
-        """Always complete: the server itself checks the length."""
+        """The body has ended, always complete: the server itself checks the length."""
 
 
 class MultipartBody:
@@ -201,6 +187,10 @@ class MultipartBody:
 
     def _on_end(self) -> None:
         self._complete = True
+
+
+UploadSource = RawBody | MultipartBody
+"""Where the files' bytes come from."""
 
 
 def clean_filename(name: str) -> str:
