@@ -6,9 +6,7 @@ import os
 import shutil
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 from urllib.parse import quote
 
@@ -17,17 +15,19 @@ from app.core.settings.places import SQLALCHEMY_SCHEME
 from app.embedded.account import Account, account_for, with_access
 from app.embedded.binaries import find_binaries
 from app.embedded.data_folder import (
+    PORT,
     SUPERUSER,
+    clear_sockets,
     existing_major,
     initialise,
     last_lines,
     own_folder,
+    prepare_socket_dir,
     write_settings,
 )
 from app.embedded.errors import EmbeddedPostgresError
-from app.embedded.locks import FileLock
-from app.embedded.postmaster import Postmaster, remove_stale_lock, running_postmaster
-from app.embedded.sockets import PORT, clear_sockets, prepare_socket_dir
+from app.embedded.locks import FileLock, wait_until
+from app.embedded.postmaster import Postmaster, running_postmaster
 
 START_TIMEOUT_S = 120.0
 """Also how long another program may take that is starting or stopping the same server."""
@@ -132,9 +132,7 @@ class EmbeddedPostgres:
     def __enter__(self) -> Self:
         return self.start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def _starting_or_stopping(self, account: Account) -> FileLock:
@@ -153,7 +151,7 @@ class EmbeddedPostgres:
 
     def _await_server(self) -> Postmaster | None:
         """The running server once it is ready, or None if there is none or it is one that shuts down."""
-        _wait_until(lambda: (s := running_postmaster(self._data)) is None or s.ready, START_TIMEOUT_S)
+        wait_until(lambda: (s := running_postmaster(self._data)) is None or s.ready, START_TIMEOUT_S)
         server = running_postmaster(self._data)
         if server is None:
             return None
@@ -175,22 +173,16 @@ class EmbeddedPostgres:
             initialise(self._cluster, account, binaries.path("initdb"), durable=self._durable)
         socket_dir = prepare_socket_dir(self._cluster, account)
         account = with_access(account, [self._cluster, socket_dir])
-        remove_stale_lock(self._data)
+        # No server runs here. PostgreSQL removes its lock file itself when the pid there is free, but not when another
+        # program of the same user has it. What outlives a killed server is still noticed, by its shared memory.
+        (self._data / "postmaster.pid").unlink(missing_ok=True)
         clear_sockets(socket_dir)
         write_settings(self._data, account, socket_dir, durable=self._durable)
         self._rotate_log()
         deadline = time.monotonic() + START_TIMEOUT_S
         # PGDATA and a relative log: pg_ctl passes both options through a shell without proper quoting.
-        command = [
-            binaries.path("pg_ctl"),
-            "start",
-            "-w",
-            "-s",
-            "-t",
-            f"{START_TIMEOUT_S:.0f}",
-            "-l",
-            self._log.name,
-        ]
+        options = ("-w", "-s", "-t", f"{START_TIMEOUT_S:.0f}", "-l", self._log.name)
+        command = [binaries.path("pg_ctl"), "start", *options]
         while account.run(command, cwd=self._cluster, PGDATA=str(self._data)).returncode != 0:
             words = self._last_words()
             if _STILL_LEAVING not in words or time.monotonic() > deadline:
@@ -215,7 +207,7 @@ class EmbeddedPostgres:
                 os.kill(server.pid, how)
             except ProcessLookupError:
                 break
-            if _wait_until(lambda: running_postmaster(self._data) is None, patience_s):
+            if wait_until(lambda: running_postmaster(self._data) is None, patience_s):
                 break
         else:
             raise EmbeddedPostgresError(
@@ -238,12 +230,3 @@ class EmbeddedPostgres:
 
 def _has_socket(server: Postmaster) -> bool:
     return (server.socket_dir / f".s.PGSQL.{PORT}").exists()
-
-
-def _wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.02)
-    return True
