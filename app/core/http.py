@@ -168,25 +168,16 @@ def preferred(accept: str | None, offered: Sequence[str]) -> str | None:
     if not accept or not accept.strip():
         return offered[0]
     ranges = [_parsed(item) for item in accept.split(",") if item.strip()]
-    best, best_rank = None, (0.0, 0)
-    for media_type in offered:
-        rank = _rank(media_type, ranges)
-        if rank[0] > 0 and rank > best_rank:
-            best, best_rank = media_type, rank
-    return best
+    best = max(offered, key=lambda media_type: _rank(media_type, ranges))
+    return best if _rank(best, ranges)[0] > 0 else None
 
 
 def _rank(media_type: str, ranges: list[tuple[str, float]]) -> tuple[float, int]:
     """(weight, how exactly it is named) by the most specific range that covers the type."""
     wildcard = media_type.split("/", maxsplit=1)[0] + "/*"
-    matches = [
-        (specific, weight)
-        for name, weight in ranges
-        if (specific := {media_type: 3, wildcard: 2, "*/*": 1}.get(name, 0))
-    ]
-    if not matches:
-        return (0.0, 0)
-    specific, weight = max(matches)
+    exactness = {media_type: 3, wildcard: 2, "*/*": 1}
+    matches = [(exactness[name], weight) for name, weight in ranges if name in exactness]
+    specific, weight = max(matches, default=(0, 0.0))
     return (weight, specific)
 
 
