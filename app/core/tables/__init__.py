@@ -94,6 +94,31 @@ class OneRow:
     id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
 
 
+class Followed:
+    """Who asked when, and how far it is."""
+
+    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
+    status: Mapped[str]
+    stage: Mapped[str | None]
+    """What is being done just now, or was when it failed."""
+    progress: Mapped[float] = mapped_column(server_default="0")
+    failure_kind: Mapped[str | None]
+    failure_reason: Mapped[str | None]
+    failure_where: Mapped[str | None]
+    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    started_at: Mapped[datetime | None]
+    finished_at: Mapped[datetime | None]
+
+
+def status_constraints(*statuses: str) -> tuple[CheckConstraint, CheckConstraint]:
+    """What holds of every table of what is followed."""
+    names = ", ".join(f"'{status}'" for status in statuses)
+    return (
+        CheckConstraint(f"status IN ({names})", name="status"),
+        CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
+    )
+
+
 class Import:
     """Roads as one file had them: which, when, and how many segments there are since."""
 
@@ -149,7 +174,7 @@ class Segment(Numbered, Road, Base):
     """The import that brought the row's present geometry."""
     regions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger), server_default=text("'{}'"))
     """The regions whose files have it; a segment of none is nobody's, and stays."""
-    cell: Mapped[int | None] = mapped_column(Computed(MIDDLE_CELL, persisted=True))
+    cell: Mapped[int | None] = mapped_column(Computed(MIDDLE_CELL, persisted=True), index=True)
     """The cell of the segment's middle (``app.network.cells``)."""
 
     __table_args__ = (
@@ -157,7 +182,6 @@ class Segment(Numbered, Road, Base):
         CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
         Index("ix_segments_geom", "geom", postgresql_using="gist"),
         Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
-        Index("ix_segments_cell", "cell"),
         # What items are asked for by. Equal values share an entry, so these are small.
         Index("ix_segments_highway", "highway"),
         Index("ix_segments_name", "name", **where("name IS NOT NULL")),
@@ -169,24 +193,17 @@ class Segment(Numbered, Road, Base):
 _NAME = "left(lower(filename), 100)"  # of collation "C", of which reflected indexes say nothing
 
 
-class Drive(Base):
+class Drive(Followed, Base):
     """An uploaded log and what became of it."""
 
     __tablename__ = "drives"
 
-    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(unique=True)
     content_sha256: Mapped[str | None] = mapped_column(unique=True)
     """Of what the bytes unpack to (``app.core.content``); NULL: uploaded before that was told."""
     filename: Mapped[str]
     size_bytes: Mapped[int] = mapped_column(BigInteger)
     blob_key: Mapped[str]
-    status: Mapped[str]
-    stage: Mapped[str | None]
-    progress: Mapped[float] = mapped_column(server_default="0")
-    failure_kind: Mapped[str | None]
-    failure_reason: Mapped[str | None]
-    failure_where: Mapped[str | None]
     failure_version: Mapped[str | None]
     """The version of the code that it last failed by; NULL where that was not noted."""
     method: Mapped[str]
@@ -206,18 +223,14 @@ class Drive(Base):
     """The batch with which it was last asked for; NULL where it was asked for by itself."""
     before_batch: Mapped[dict[str, Any] | None]
     """What it was before its batch, for as long as a cancelled batch would bring that back."""
-    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
     queued_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    started_at: Mapped[datetime | None]
-    finished_at: Mapped[datetime | None]
     computed_at: Mapped[datetime | None]
     """When its last run ended; from then on it waited for its cells to be solved."""
     traceparent: Mapped[str | None]
     """The trace of the request that asked for it (W3C Trace Context); NULL where none is recorded."""
 
     __table_args__ = (
-        CheckConstraint("status IN ('queued', 'running', 'done', 'failed', 'cancelled')", name="status"),
-        CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
+        *status_constraints(*DRIVE_STATUSES),
         Index("ix_drives_created_at_id", "created_at", "id"),
         Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
         Index("ix_drives_queued_at", "queued_at", **where("status = 'queued'")),
@@ -324,11 +337,10 @@ class SegmentSlope(_Slope, Base):
 
     __tablename__ = "segment_slopes"
 
-    updated_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)
 
     # What items are asked for and sorted by.
     __table_args__ = (
         Index("ix_segment_slopes_slope_percent", "slope_percent"),
         Index("ix_segment_slopes_steepest_percent", "steepest_percent"),
-        Index("ix_segment_slopes_updated_at", "updated_at"),
     )

@@ -155,24 +155,18 @@ class NetworkMark(Numbered, Base):
 
     __tablename__ = "network_marks"
 
-    cell: Mapped[int]
-    drive_id: Mapped[uuid.UUID | None]
+    cell: Mapped[int] = mapped_column(index=True)
+    drive_id: Mapped[uuid.UUID | None] = mapped_column(index=True)
     """The drive that is published, or deleted, once all its marks are gone; it may not exist any more."""
     generation: Mapped[int | None]
     touched: Mapped[list[int]]
     """Segments around which the network is to be solved again."""
     combined: Mapped[list[int]]
     """Segments of which only the published slope is to be combined again."""
-    due_at: Mapped[datetime]
+    due_at: Mapped[datetime] = mapped_column(index=True)
     tries: Mapped[int] = mapped_column(SmallInteger, server_default="0")
     """How many solvers have begun it."""
     made_at: Mapped[datetime] = mapped_column(server_default=func.now())
-
-    __table_args__ = (
-        Index("ix_network_marks_cell", "cell"),
-        Index("ix_network_marks_drive_id", "drive_id"),
-        Index("ix_network_marks_due_at", "due_at"),
-    )
 
 
 class RoadVersion(Numbered, Import, Base):

@@ -22,36 +22,16 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import Base, Numbered, OneRow, where
+from app.core.tables import Base, Followed, Numbered, OneRow, status_constraints, where
 
 
-class RequestColumns:
-    """Who asked when, and how far it is. A table adds what was asked for and what came of it."""
+class RequestColumns(Followed):
+    """A table adds what was asked for and what came of it."""
 
-    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
-    status: Mapped[str]
-    stage: Mapped[str | None]
-    """What is being done just now, or was when it failed."""
-    progress: Mapped[float] = mapped_column(server_default="0")
     run: Mapped[int] = mapped_column(server_default="0")
     """Counts the runs of a worker; one that holds an older number discards its result."""
     yields: Mapped[int] = mapped_column(SmallInteger, server_default="0")
     """How often it went back into the queue to let others go first."""
-    failure_kind: Mapped[str | None]
-    failure_reason: Mapped[str | None]
-    failure_where: Mapped[str | None]
-    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    started_at: Mapped[datetime | None]
-    finished_at: Mapped[datetime | None]
-
-
-def request_constraints(*statuses: str) -> tuple[CheckConstraint, CheckConstraint]:
-    """What holds of every such table."""
-    names = ", ".join(f"'{status}'" for status in statuses)
-    return (
-        CheckConstraint(f"status IN ({names})", name="status"),
-        CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
-    )
 
 
 class Export(RequestColumns, Base):
@@ -60,7 +40,7 @@ class Export(RequestColumns, Base):
     __tablename__ = "exports"
 
     request: Mapped[dict[str, Any]]
-    request_sha256: Mapped[str]
+    request_sha256: Mapped[str] = mapped_column(index=True)
     """Of the request and of the version of the program."""
     data_version: Mapped[str | None]
     """Of the snapshot that it is made from (``app.exports.provenance``); NULL until it runs."""
@@ -76,14 +56,12 @@ class Export(RequestColumns, Base):
     blob_key: Mapped[str | None]
     sha256: Mapped[str | None]
     size_bytes: Mapped[int | None] = mapped_column(BigInteger)
-    expires_at: Mapped[datetime | None]
+    expires_at: Mapped[datetime | None] = mapped_column(index=True)
     """When it and its file go; NULL while it is not at its end."""
 
     __table_args__ = (
-        *request_constraints("queued", "running", "done", "failed", "cancelled"),
-        Index("ix_exports_request_sha256", "request_sha256"),
+        *status_constraints("queued", "running", "done", "failed", "cancelled"),
         Index("ix_exports_created_at_id", "created_at", "id"),
-        Index("ix_exports_expires_at", "expires_at"),
     )
 
 
@@ -107,7 +85,7 @@ class Operation(RequestColumns, Base):
     planned_at: Mapped[datetime | None]
 
     __table_args__ = (
-        *request_constraints("queued", "running", "planned", "done", "failed", "cancelled"),
+        *status_constraints("queued", "running", "planned", "done", "failed", "cancelled"),
         Index("ix_operations_created_at_id", "created_at", "id"),
         Index("ix_operations_status", "status"),
     )
@@ -162,7 +140,7 @@ class DriveTrial(RequestColumns, Base):
     """Of its segments, as an Arrow IPC stream (``app.drives.trials.results``)."""
 
     __table_args__ = (
-        *request_constraints(*TRIAL_STATUSES),
+        *status_constraints(*TRIAL_STATUSES),
         UniqueConstraint("drive_id", "asked_sha256"),
         Index("ix_drive_trials_finished_at", "finished_at"),
     )

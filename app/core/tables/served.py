@@ -27,7 +27,7 @@ class SegmentChange(Base):
     """No foreign key: that it is gone is told for some time."""
     xid: Mapped[int] = mapped_column(BigInteger)
     """The transaction. A snapshot tells all of those below its ``pg_snapshot_xmin``, of later ones perhaps some."""
-    changed_at: Mapped[datetime]
+    changed_at: Mapped[datetime] = mapped_column(index=True)
     gone: Mapped[bool]
     was: Mapped[WKBElement | None] = mapped_column(
         Geometry("GEOMETRY", srid=SRID_DEGREES, spatial_index=False)
@@ -36,7 +36,6 @@ class SegmentChange(Base):
 
     __table_args__ = (
         Index("ix_segment_changes_xid", "xid", "segment_id"),
-        Index("ix_segment_changes_changed_at", "changed_at"),
         # What is told for a time only.
         Index("ix_segment_changes_left", "changed_at", **where("gone OR was IS NOT NULL")),
     )
