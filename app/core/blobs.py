@@ -101,8 +101,7 @@ class BlobStore:
 
     def exists(self, key: str) -> bool:
         """Whether the blob is there."""
-        is_there: bool = self._fs.exists(f"{self._root}/{key}")
-        return is_there
+        return bool(self._fs.exists(f"{self._root}/{key}"))
 
     def open(self, key: str, block_bytes: int | None = None) -> BinaryIO:
         """The blob's bytes as a file; ``FileNotFoundError`` when there is none.

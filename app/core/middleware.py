@@ -148,7 +148,9 @@ class EarlyAnswers:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Watch how far the body is read, and linger after an answer that came before its end."""
-        if scope["type"] != "http" or not _announces_body(Headers(scope=scope)):
+        # A client that sends "Expect: 100-continue" waits for permission, and reading would give it.
+        headers = Headers(scope=scope) if scope["type"] == "http" else Headers()
+        if "expect" in headers or not has_body(headers):
             await self.app(scope, receive, send)
             return
         unread, early = True, False
@@ -171,11 +173,6 @@ class EarlyAnswers:
             await send(message)
 
         await self.app(scope, watched, lingering)
-
-
-def _announces_body(headers: Headers) -> bool:
-    # A client that sends "Expect: 100-continue" waits for permission, and reading would give it.
-    return "expect" not in headers and has_body(headers)
 
 
 async def _drop(receive: Receive) -> None:

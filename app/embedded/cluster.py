@@ -56,7 +56,8 @@ class EmbeddedPostgres:
         """Nothing is touched before ``start``."""
         self._cluster = Path(data_dir).expanduser().resolve() / "postgres"
         self._data = self._cluster / "data"
-        self._log = self._cluster / "postgres.log"
+        self.log_path = self._cluster / "postgres.log"
+        """The server's log."""
         self._durable = durable
         self._database = database
         self._usage: FileLock | None = None
@@ -73,11 +74,6 @@ class EmbeddedPostgres:
             raise EmbeddedPostgresError("The embedded PostgreSQL has not been started.")
         host = quote(str(self._socket_dir), safe="/")
         return f"{SQLALCHEMY_SCHEME}{SUPERUSER}@/{quote(database)}?host={host}&port={PORT}"
-
-    @property
-    def log_path(self) -> Path:
-        """The server's log."""
-        return self._log
 
     def is_running(self) -> bool:
         """Whether a server runs on the folder and takes connections, whoever started it."""
@@ -181,7 +177,7 @@ class EmbeddedPostgres:
         self._rotate_log()
         deadline = time.monotonic() + START_TIMEOUT_S
         # PGDATA and a relative log: pg_ctl passes both options through a shell without proper quoting.
-        options = ("-w", "-s", "-t", f"{START_TIMEOUT_S:.0f}", "-l", self._log.name)
+        options = ("-w", "-s", "-t", f"{START_TIMEOUT_S:.0f}", "-l", self.log_path.name)
         command = [binaries.path("pg_ctl"), "start", *options]
         while account.run(command, cwd=self._cluster, PGDATA=str(self._data)).returncode != 0:
             words = self._last_words()
@@ -217,15 +213,15 @@ class EmbeddedPostgres:
             shutil.rmtree(server.socket_dir, ignore_errors=True)
 
     def _rotate_log(self) -> None:
-        if self._log.exists() and self._log.stat().st_size > LARGEST_LOG_BYTES:
-            self._log.replace(self._log.with_suffix(".log.1"))
+        if self.log_path.exists() and self.log_path.stat().st_size > LARGEST_LOG_BYTES:
+            self.log_path.replace(self.log_path.with_suffix(".log.1"))
 
     def _last_words(self) -> str:
         try:
-            words = last_lines(self._log.read_text(errors="replace"))
+            words = last_lines(self.log_path.read_text(errors="replace"))
         except OSError:
             words = "(nothing)"
-        return f"The end of its log, {self._log}: {words}"
+        return f"The end of its log, {self.log_path}: {words}"
 
 
 def _has_socket(server: Postmaster) -> bool:

@@ -9,12 +9,12 @@ callbacks for headers, but is one more dependency, and malformed bodies would ge
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from email.message import Message
 from email.utils import collapse_rfc2231_value
 from itertools import groupby
 from pathlib import PurePosixPath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import unquote
 
 from python_multipart.exceptions import FormParserError
@@ -103,8 +103,10 @@ class MultipartBody:
         self._headers: dict[bytes, bytes] = {}
         self._pieces: list[Piece] = []
         self._passed_over = 0
+        # What follows the underscore of a method is the parser's name of what it is called for.
+        callbacks: Any = {name[1:]: getattr(self, name) for name in dir(self) if name.startswith("_on_")}
         try:
-            self._parser = MultipartParser(boundary, self._callbacks())  # type: ignore[arg-type]
+            self._parser = MultipartParser(boundary, callbacks)
         except FormParserError as error:
             raise BadRequestError(
                 f"The multipart body cannot be read: {error}.", field="Content-Type"
@@ -131,18 +133,6 @@ class MultipartBody:
                 f"(curl -F {FIELD}=@LOG), or as the body itself.",
                 field=FIELD,
             )
-
-    def _callbacks(self) -> dict[str, Callable[..., None]]:
-        return {
-            "on_part_begin": self._on_part_begin,
-            "on_header_field": self._on_header_field,
-            "on_header_value": self._on_header_value,
-            "on_header_end": self._on_header_end,
-            "on_headers_finished": self._on_headers_finished,
-            "on_part_data": self._on_part_data,
-            "on_part_end": self._on_part_end,
-            "on_end": self._on_end,
-        }
 
     def _on_part_begin(self) -> None:
         self._headers, self._inside = {}, False

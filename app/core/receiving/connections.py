@@ -18,7 +18,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from app.core.errors import KINDS, BusyError, HeadTooLargeError, Kind, SlowClientError
 from app.core.middleware import FOR_PROBES
-from app.core.problems import PROBLEM_JSON, problem_text, refuse
+from app.core.problems import PROBLEM_JSON, problem_document, refuse
 from app.core.receiving.clients import Shares, client_of, is_within
 from app.core.settings import Settings
 
@@ -242,7 +242,7 @@ class BoundedProtocol(HttpToolsProtocol):
                 timer.cancel()
 
     def _refuse(self, kind: Kind, detail: str) -> None:
-        body = problem_text(kind, detail, instance="").encode()
+        body = problem_document(kind, detail, instance="").model_dump_json().encode()
         head = f"HTTP/1.1 {kind.status} {kind.title}\r\ncontent-type: {PROBLEM_JSON}\r\nconnection: close\r\n"
         self.transport.write(f"{head}content-length: {len(body)}\r\n\r\n".encode() + body)
         self.transport.close()
