@@ -31,21 +31,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from fusion.errors import (
-    BadOptionsError,
-    ControlError,
-    EmptyLogError,
-    FusionError,
-    LogError,
-    MalformedLogError,
-    MethodError,
-    MissingSensorError,
-    NoMatchError,
-    RoadsError,
-    TerrainError,
-    UnknownFormatError,
-    UnknownNameError,
-)
+from fusion import errors as fusion
 
 PROBLEM_PATH = "/problems/"
 """Where the kinds of problems are explained; a kind's ``type`` is this and its slug."""
@@ -203,21 +189,24 @@ KINDS: Mapping[type[Exception], Kind] = {
     LockNotAvailable: Kind(
         503, "locked", "Being changed", "What is asked for is being changed; try again in a moment."
     ),
-    UnknownFormatError: Kind(
-        415, UnknownFormatError.kind, "Unknown log format", "No reader knows the bytes."
-    ),
-    EmptyLogError: Kind(422, EmptyLogError.kind, "Log without positions", "No row of the log can be used."),
-    MalformedLogError: Kind(422, MalformedLogError.kind, "Broken log", "The log is broken beyond skipping."),
-    LogError: Kind(422, LogError.kind, "Unusable log", "The log cannot be used."),
-    RoadsError: Kind(422, RoadsError.kind, "Unusable road file", "The road file cannot be used."),
-    TerrainError: Kind(422, TerrainError.kind, "Unusable elevation file", "The raster cannot be used."),
-    ControlError: Kind(422, ControlError.kind, "Unusable surveyed heights", "The file cannot be used."),
-    UnknownNameError: Kind(422, UnknownNameError.kind, "Unknown name", "No method or option has that name."),
-    BadOptionsError: Kind(422, BadOptionsError.kind, "Unusable options", "The method does not take them."),
-    MissingSensorError: Kind(422, MissingSensorError.kind, "Missing sensor", "The log lacks a sensor."),
-    NoMatchError: Kind(422, NoMatchError.kind, "No road near", "The log never comes near a road."),
-    MethodError: Kind(422, MethodError.kind, "Method failed", "The method cannot do what was asked."),
-    FusionError: Kind(422, FusionError.kind, "Unusable input", "The input cannot be used."),
+    **{
+        cls: Kind(status, cls.kind, title, meaning)
+        for status, cls, title, meaning in (
+            (415, fusion.UnknownFormatError, "Unknown log format", "No reader knows the bytes."),
+            (422, fusion.EmptyLogError, "Log without positions", "No row of the log can be used."),
+            (422, fusion.MalformedLogError, "Broken log", "The log is broken beyond skipping."),
+            (422, fusion.LogError, "Unusable log", "The log cannot be used."),
+            (422, fusion.RoadsError, "Unusable road file", "The road file cannot be used."),
+            (422, fusion.TerrainError, "Unusable elevation file", "The raster cannot be used."),
+            (422, fusion.ControlError, "Unusable surveyed heights", "The file cannot be used."),
+            (422, fusion.UnknownNameError, "Unknown name", "No method or option has that name."),
+            (422, fusion.BadOptionsError, "Unusable options", "The method does not take them."),
+            (422, fusion.MissingSensorError, "Missing sensor", "The log lacks a sensor."),
+            (422, fusion.NoMatchError, "No road near", "The log never comes near a road."),
+            (422, fusion.MethodError, "Method failed", "The method cannot do what was asked."),
+            (422, fusion.FusionError, "Unusable input", "The input cannot be used."),
+        )
+    },
     Exception: Kind(500, "internal", "Internal error", "A fault of the service, written to its log."),
 }
 """Error class -> answer; an error takes the row of the nearest class above it."""

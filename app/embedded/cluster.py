@@ -12,19 +12,9 @@ from urllib.parse import quote
 
 from app.core import databases
 from app.core.settings.places import SQLALCHEMY_SCHEME
+from app.embedded import data_folder
 from app.embedded.account import Account, account_for, with_access
 from app.embedded.binaries import find_binaries
-from app.embedded.data_folder import (
-    PORT,
-    SUPERUSER,
-    clear_sockets,
-    existing_major,
-    initialise,
-    last_lines,
-    own_folder,
-    prepare_socket_dir,
-    write_settings,
-)
 from app.embedded.errors import EmbeddedPostgresError
 from app.embedded.locks import FileLock, wait_until
 from app.embedded.postmaster import Postmaster, running_postmaster
@@ -73,7 +63,7 @@ class EmbeddedPostgres:
         if self._socket_dir is None:
             raise EmbeddedPostgresError("The embedded PostgreSQL has not been started.")
         host = quote(str(self._socket_dir), safe="/")
-        return f"{SQLALCHEMY_SCHEME}{SUPERUSER}@/{quote(database)}?host={host}&port={PORT}"
+        return f"{SQLALCHEMY_SCHEME}{data_folder.SUPERUSER}@/{quote(database)}?host={host}&port={data_folder.PORT}"
 
     def is_running(self) -> bool:
         """Whether a server runs on the folder and takes connections, whoever started it."""
@@ -84,7 +74,7 @@ class EmbeddedPostgres:
         """Make sure that the server runs and the database exists; raises ``EmbeddedPostgresError``."""
         if self._usage is not None:
             return self
-        account = own_folder(self._cluster)
+        account = data_folder.own_folder(self._cluster)
         with self._starting_or_stopping(account):
             self._usage = FileLock.shared(self._cluster / "users.lock", account)
             try:
@@ -163,17 +153,17 @@ class EmbeddedPostgres:
         return server
 
     def _launch(self, account: Account) -> None:
-        major = existing_major(self._data)
+        major = data_folder.existing_major(self._data)
         binaries = find_binaries(major)
         if major is None:
-            initialise(self._cluster, account, binaries.path("initdb"), durable=self._durable)
-        socket_dir = prepare_socket_dir(self._cluster, account)
+            data_folder.initialise(self._cluster, account, binaries.path("initdb"), durable=self._durable)
+        socket_dir = data_folder.prepare_socket_dir(self._cluster, account)
         account = with_access(account, [self._cluster, socket_dir])
         # No server runs here. PostgreSQL removes its lock file itself when the pid there is free, but not when another
         # program of the same user has it. What outlives a killed server is still noticed, by its shared memory.
         (self._data / "postmaster.pid").unlink(missing_ok=True)
-        clear_sockets(socket_dir)
-        write_settings(self._data, account, socket_dir, durable=self._durable)
+        data_folder.clear_sockets(socket_dir)
+        data_folder.write_settings(self._data, account, socket_dir, durable=self._durable)
         self._rotate_log()
         deadline = time.monotonic() + START_TIMEOUT_S
         # PGDATA and a relative log: pg_ctl passes both options through a shell without proper quoting.
@@ -218,11 +208,11 @@ class EmbeddedPostgres:
 
     def _last_words(self) -> str:
         try:
-            words = last_lines(self.log_path.read_text(errors="replace"))
+            words = data_folder.last_lines(self.log_path.read_text(errors="replace"))
         except OSError:
             words = "(nothing)"
         return f"The end of its log, {self.log_path}: {words}"
 
 
 def _has_socket(server: Postmaster) -> bool:
-    return (server.socket_dir / f".s.PGSQL.{PORT}").exists()
+    return (server.socket_dir / f".s.PGSQL.{data_folder.PORT}").exists()

@@ -8,13 +8,8 @@ from dataclasses import dataclass
 
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Histogram
+from prometheus_client import metrics_core as families
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
-from prometheus_client.metrics_core import (
-    CounterMetricFamily,
-    GaugeMetricFamily,
-    HistogramMetricFamily,
-    Metric,
-)
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
 
@@ -132,25 +127,27 @@ class _DatabaseCollector(Collector):
     def __init__(self, read_gauges: Callable[[], Gauges | None]) -> None:
         self._read = read_gauges
 
-    def describe(self) -> list[Metric]:
+    def describe(self) -> list[families.Metric]:
         """Nothing: the registry would otherwise read the database at registration."""
         return []
 
-    def collect(self) -> Iterator[Metric]:
+    def collect(self) -> Iterator[families.Metric]:
         """The figures of this moment; only ``versant_database_up 0`` while there is no database."""
         gauges = self._read()
-        yield GaugeMetricFamily(
+        yield families.GaugeMetricFamily(
             "versant_database_up", "1 while the database answers.", value=float(gauges is not None)
         )
         if gauges is None:
             return
-        drives = GaugeMetricFamily("versant_drives", "Drives by status.", labels=LABELS["versant_drives"])
+        drives = families.GaugeMetricFamily(
+            "versant_drives", "Drives by status.", labels=LABELS["versant_drives"]
+        )
         for status in DRIVE_STATUSES:
             drives.add_metric([status], gauges.drives_by_status.get(status, 0))
         yield drives
         for name, meaning in GAUGES.items():
-            yield GaugeMetricFamily(f"versant_{name}", meaning, value=gauges.plain[name])
-        failed = GaugeMetricFamily(
+            yield families.GaugeMetricFamily(f"versant_{name}", meaning, value=gauges.plain[name])
+        failed = families.GaugeMetricFamily(
             "versant_failures",
             "Drives that are failed now, by the kind of the failure.",
             labels=LABELS["versant_failures"],
@@ -161,15 +158,15 @@ class _DatabaseCollector(Collector):
         yield from (_family(measure, gauges.totals) for measure in MEASURES)
 
 
-def _family(measure: Measure, totals: Totals) -> Metric:
+def _family(measure: Measure, totals: Totals) -> families.Metric:
     """What all processes have counted of one measure."""
     series = measure.series(totals)
     if not measure.buckets:
-        counter = CounterMetricFamily(measure.name, measure.meaning, labels=measure.labels)
+        counter = families.CounterMetricFamily(measure.name, measure.meaning, labels=measure.labels)
         for values, parts in series.items():
             counter.add_metric(values, parts[""])
         return counter
-    histogram = HistogramMetricFamily(measure.name, measure.meaning, labels=measure.labels)
+    histogram = families.HistogramMetricFamily(measure.name, measure.meaning, labels=measure.labels)
     for values, parts in series.items():
         histogram.add_metric(values, *measure.cumulative(parts))
     return histogram

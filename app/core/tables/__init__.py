@@ -11,22 +11,8 @@ import uuid
 from datetime import datetime
 from typing import Any
 
+import sqlalchemy as sa
 from geoalchemy2 import Geometry, WKBElement
-from sqlalchemy import (
-    BigInteger,
-    CheckConstraint,
-    Computed,
-    DateTime,
-    Double,
-    ForeignKey,
-    Identity,
-    Index,
-    MetaData,
-    SmallInteger,
-    UniqueConstraint,
-    func,
-    text,
-)
 from sqlalchemy.dialects.postgresql import ARRAY, JSONB
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
@@ -61,14 +47,14 @@ _NAMES = {
 class Base(DeclarativeBase):
     """Common base: naming convention of constraints and Python type -> SQL type."""
 
-    metadata = MetaData(naming_convention=_NAMES)
+    metadata = sa.MetaData(naming_convention=_NAMES)
     type_annotation_map = {  # noqa: RUF012  (SQLAlchemy reads it as a plain class attribute)
-        datetime: DateTime(timezone=True),
+        datetime: sa.DateTime(timezone=True),
         dict[str, Any]: JSONB,
         list[dict[str, Any]]: JSONB,
-        list[float]: ARRAY(Double),
-        list[int]: ARRAY(BigInteger),
-        float: Double,
+        list[float]: ARRAY(sa.Double),
+        list[int]: ARRAY(sa.BigInteger),
+        float: sa.Double,
     }
 
 
@@ -79,19 +65,19 @@ def line(srid: int) -> Geometry:
 
 def where(condition: str) -> dict[str, Any]:
     """The options of an index on those rows alone."""
-    return {"postgresql_where": text(condition)}
+    return {"postgresql_where": sa.text(condition)}
 
 
 class Numbered:
     """Rows are numbered as they come."""
 
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
+    id: Mapped[int] = mapped_column(sa.BigInteger, sa.Identity(), primary_key=True)
 
 
 class OneRow:
     """There is one row, of the number 1."""
 
-    id: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    id: Mapped[int] = mapped_column(sa.SmallInteger, primary_key=True, autoincrement=False)
 
 
 class Followed:
@@ -105,17 +91,17 @@ class Followed:
     failure_kind: Mapped[str | None]
     failure_reason: Mapped[str | None]
     failure_where: Mapped[str | None]
-    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]
 
 
-def status_constraints(*statuses: str) -> tuple[CheckConstraint, CheckConstraint]:
+def status_constraints(*statuses: str) -> tuple[sa.CheckConstraint, sa.CheckConstraint]:
     """What holds of every table of what is followed."""
     names = ", ".join(f"'{status}'" for status in statuses)
     return (
-        CheckConstraint(f"status IN ({names})", name="status"),
-        CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
+        sa.CheckConstraint(f"status IN ({names})", name="status"),
+        sa.CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
     )
 
 
@@ -124,16 +110,16 @@ class Import:
 
     source_name: Mapped[str]
     sha256: Mapped[str]
-    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    imported_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     segments: Mapped[int]
 
 
 class OfWay:
     """A part of an OpenStreetMap way, drawn from ``from_node`` to ``to_node``."""
 
-    osm_way_id: Mapped[int] = mapped_column(BigInteger)
-    from_node: Mapped[int] = mapped_column(BigInteger)
-    to_node: Mapped[int] = mapped_column(BigInteger)
+    osm_way_id: Mapped[int] = mapped_column(sa.BigInteger)
+    from_node: Mapped[int] = mapped_column(sa.BigInteger)
+    to_node: Mapped[int] = mapped_column(sa.BigInteger)
     geom: Mapped[WKBElement] = mapped_column(line(SRID_DEGREES))
     length_m: Mapped[float]
 
@@ -144,7 +130,7 @@ class Road(OfWay):
     geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
     highway: Mapped[str]
     name: Mapped[str | None]
-    oneway: Mapped[int] = mapped_column(SmallInteger)
+    oneway: Mapped[int] = mapped_column(sa.SmallInteger)
     bridge: Mapped[bool]
     """Any of it, as of ``tunnel``."""
     tunnel: Mapped[bool]
@@ -167,26 +153,26 @@ class Segment(Numbered, Road, Base):
 
     __tablename__ = "segments"
 
-    layer: Mapped[int] = mapped_column(SmallInteger)
+    layer: Mapped[int] = mapped_column(sa.SmallInteger)
     dem_heights_m: Mapped[list[float] | None]
     """Of the elevation model at the segment's knots (``fusion.network.unknowns.knot_positions``), NaN unknown."""
-    road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
+    road_version_id: Mapped[int] = mapped_column(sa.ForeignKey("road_versions.id"))
     """The import that brought the row's present geometry."""
-    regions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger), server_default=text("'{}'"))
+    regions: Mapped[list[int]] = mapped_column(ARRAY(sa.SmallInteger), server_default=sa.text("'{}'"))
     """The regions whose files have it; a segment of none is nobody's, and stays."""
-    cell: Mapped[int | None] = mapped_column(Computed(MIDDLE_CELL, persisted=True), index=True)
+    cell: Mapped[int | None] = mapped_column(sa.Computed(MIDDLE_CELL, persisted=True), index=True)
     """The cell of the segment's middle (``app.network.cells``)."""
 
     __table_args__ = (
-        UniqueConstraint("osm_way_id", "from_node", "to_node"),
-        CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
-        Index("ix_segments_geom", "geom", postgresql_using="gist"),
-        Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
+        sa.UniqueConstraint("osm_way_id", "from_node", "to_node"),
+        sa.CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
+        sa.Index("ix_segments_geom", "geom", postgresql_using="gist"),
+        sa.Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
         # What items are asked for by. Equal values share an entry, so these are small.
-        Index("ix_segments_highway", "highway"),
-        Index("ix_segments_name", "name", **where("name IS NOT NULL")),
+        sa.Index("ix_segments_highway", "highway"),
+        sa.Index("ix_segments_name", "name", **where("name IS NOT NULL")),
         # What an update left without heights is found at once, and that nothing is left, too.
-        Index("ix_segments_without_heights", "id", **where(WITHOUT_HEIGHTS)),
+        sa.Index("ix_segments_without_heights", "id", **where(WITHOUT_HEIGHTS)),
     )
 
 
@@ -202,7 +188,7 @@ class Drive(Followed, Base):
     content_sha256: Mapped[str | None] = mapped_column(unique=True)
     """Of what the bytes unpack to (``app.core.content``); NULL: uploaded before that was told."""
     filename: Mapped[str]
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
     blob_key: Mapped[str]
     failure_version: Mapped[str | None]
     """The version of the code that it last failed by; NULL where that was not noted."""
@@ -217,13 +203,13 @@ class Drive(Followed, Base):
     epochs: Mapped[int | None]
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
-    duplicate_of: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
+    duplicate_of: Mapped[uuid.UUID | None] = mapped_column(sa.ForeignKey("drives.id", ondelete="SET NULL"))
     """The drive that this one duplicates, which counts in its place (``app.network.duplicates``)."""
-    batch_id: Mapped[int | None] = mapped_column(ForeignKey("batches.id", ondelete="SET NULL"))
+    batch_id: Mapped[int | None] = mapped_column(sa.ForeignKey("batches.id", ondelete="SET NULL"))
     """The batch with which it was last asked for; NULL where it was asked for by itself."""
     before_batch: Mapped[dict[str, Any] | None]
     """What it was before its batch, for as long as a cancelled batch would bring that back."""
-    queued_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    queued_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     computed_at: Mapped[datetime | None]
     """When its last run ended; from then on it waited for its cells to be solved."""
     traceparent: Mapped[str | None]
@@ -231,23 +217,23 @@ class Drive(Followed, Base):
 
     __table_args__ = (
         *status_constraints(*DRIVE_STATUSES),
-        Index("ix_drives_created_at_id", "created_at", "id"),
-        Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
-        Index("ix_drives_queued_at", "queued_at", **where("status = 'queued'")),
+        sa.Index("ix_drives_created_at_id", "created_at", "id"),
+        sa.Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
+        sa.Index("ix_drives_queued_at", "queued_at", **where("status = 'queued'")),
         # How many ended in an hour or a day is answered out of the index.
-        Index(
+        sa.Index(
             "ix_drives_finished_at",
             "finished_at",
             postgresql_include=["status", "distance_m"],
             **where("finished_at IS NOT NULL"),
         ),
-        Index("ix_drives_duplicate_of", "duplicate_of", **where("duplicate_of IS NOT NULL")),
+        sa.Index("ix_drives_duplicate_of", "duplicate_of", **where("duplicate_of IS NOT NULL")),
         # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
-        Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
-        Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
-        Index("ix_drives_name_created_at_id", text(_NAME), "created_at", "id"),
-        Index("ix_drives_words", text("file_words(filename)"), postgresql_using="gin"),
-        Index(
+        sa.Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
+        sa.Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
+        sa.Index("ix_drives_name_created_at_id", sa.text(_NAME), "created_at", "id"),
+        sa.Index("ix_drives_words", sa.text("file_words(filename)"), postgresql_using="gin"),
+        sa.Index(
             "ix_drives_failure_kind_created_at_id",
             "failure_kind",
             "created_at",
@@ -262,15 +248,15 @@ class Provenance(Numbered, Base):
 
     __tablename__ = "provenances"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"), index=True)
     method: Mapped[str]
     options: Mapped[dict[str, Any]]
     code_version: Mapped[str]
-    road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
-    road_state: Mapped[int | None] = mapped_column(BigInteger)
+    road_version_id: Mapped[int] = mapped_column(sa.ForeignKey("road_versions.id"))
+    road_state: Mapped[int | None] = mapped_column(sa.BigInteger)
     """Of the cells that the run took its roads from, the highest (``Cell.road_state``); NULL of older runs."""
-    dem_version_id: Mapped[int | None] = mapped_column(ForeignKey("dem_versions.id"))
-    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    dem_version_id: Mapped[int | None] = mapped_column(sa.ForeignKey("dem_versions.id"))
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
 
 class DriveSegment(Estimate, Base):
@@ -278,16 +264,22 @@ class DriveSegment(Estimate, Base):
 
     __tablename__ = "drive_segments"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
-    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True)
-    provenance_id: Mapped[int] = mapped_column(ForeignKey("provenances.id", ondelete="CASCADE"), index=True)
-    in_network: Mapped[bool] = mapped_column(server_default=text("false"))
+    drive_id: Mapped[uuid.UUID] = mapped_column(
+        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
+    )
+    segment_id: Mapped[int] = mapped_column(
+        sa.ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True
+    )
+    provenance_id: Mapped[int] = mapped_column(
+        sa.ForeignKey("provenances.id", ondelete="CASCADE"), index=True
+    )
+    in_network: Mapped[bool] = mapped_column(server_default=sa.text("false"))
     """The drive contributes factors: this is shown as its own estimate and not combined a second time."""
 
     __table_args__ = (
-        CheckConstraint("slope_sigma_percent > 0", name="sigma"),
-        Index("ix_drive_segments_segment_id", "segment_id"),
-        Index("ix_drive_segments_slope_only", "segment_id", **where("NOT in_network")),
+        sa.CheckConstraint("slope_sigma_percent > 0", name="sigma"),
+        sa.Index("ix_drive_segments_segment_id", "segment_id"),
+        sa.Index("ix_drive_segments_slope_only", "segment_id", **where("NOT in_network")),
     )
 
 
@@ -295,7 +287,7 @@ class _Slope:
     """A segment's slope, and what the network knows of it besides; that is NULL where it is not in the network."""
 
     segment_id: Mapped[int] = mapped_column(
-        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+        sa.ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
     )
     slope_percent: Mapped[float]
     slope_sigma_percent: Mapped[float]
@@ -323,7 +315,9 @@ class DriveTrack(Base):
 
     __tablename__ = "drive_tracks"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(
+        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
+    )
     track: Mapped[bytes]
     measurements: Mapped[bytes | None]
     """Drawn behind the profile; NULL where the method offers none."""
@@ -337,10 +331,10 @@ class SegmentSlope(_Slope, Base):
 
     __tablename__ = "segment_slopes"
 
-    updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)
+    updated_at: Mapped[datetime] = mapped_column(server_default=sa.func.now(), index=True)
 
     # What items are asked for and sorted by.
     __table_args__ = (
-        Index("ix_segment_slopes_slope_percent", "slope_percent"),
-        Index("ix_segment_slopes_steepest_percent", "steepest_percent"),
+        sa.Index("ix_segment_slopes_slope_percent", "slope_percent"),
+        sa.Index("ix_segment_slopes_steepest_percent", "steepest_percent"),
     )

@@ -10,16 +10,7 @@ import uuid
 from datetime import date, datetime
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    CheckConstraint,
-    ForeignKey,
-    Index,
-    SmallInteger,
-    UniqueConstraint,
-    func,
-    text,
-)
+import sqlalchemy as sa
 from sqlalchemy.orm import Mapped, mapped_column
 
 from app.core.tables import Base, Followed, Numbered, OneRow, status_constraints, where
@@ -30,7 +21,7 @@ class RequestColumns(Followed):
 
     run: Mapped[int] = mapped_column(server_default="0")
     """Counts the runs of a worker; one that holds an older number discards its result."""
-    yields: Mapped[int] = mapped_column(SmallInteger, server_default="0")
+    yields: Mapped[int] = mapped_column(sa.SmallInteger, server_default="0")
     """How often it went back into the queue to let others go first."""
 
 
@@ -45,23 +36,23 @@ class Export(RequestColumns, Base):
     data_version: Mapped[str | None]
     """Of the snapshot that it is made from (``app.exports.provenance``); NULL until it runs."""
     provenance: Mapped[dict[str, Any] | None]
-    companions: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+    companions: Mapped[dict[str, Any]] = mapped_column(server_default=sa.text("'{}'"))
     """The small files that belong beside it: name -> text."""
-    notes: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+    notes: Mapped[dict[str, Any]] = mapped_column(server_default=sa.text("'{}'"))
     """What is to be told of it: ``{"notes": [sentences]}``."""
-    entries: Mapped[int | None] = mapped_column(BigInteger)
+    entries: Mapped[int | None] = mapped_column(sa.BigInteger)
     """How many segments, ways, tiles or whatever it consists of."""
     file_name: Mapped[str]
     media_type: Mapped[str]
     blob_key: Mapped[str | None]
     sha256: Mapped[str | None]
-    size_bytes: Mapped[int | None] = mapped_column(BigInteger)
+    size_bytes: Mapped[int | None] = mapped_column(sa.BigInteger)
     expires_at: Mapped[datetime | None] = mapped_column(index=True)
     """When it and its file go; NULL while it is not at its end."""
 
     __table_args__ = (
         *status_constraints("queued", "running", "done", "failed", "cancelled"),
-        Index("ix_exports_created_at_id", "created_at", "id"),
+        sa.Index("ix_exports_created_at_id", "created_at", "id"),
     )
 
 
@@ -74,9 +65,9 @@ class Operation(RequestColumns, Base):
     subject: Mapped[str]
     """What it is done with, for people: the name of a file, region or raster."""
     request: Mapped[dict[str, Any]]
-    state: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+    state: Mapped[dict[str, Any]] = mapped_column(server_default=sa.text("'{}'"))
     """What a later run has to know of the former ones: whether anything was changed yet, how far it came."""
-    approved: Mapped[bool] = mapped_column(server_default=text("false"))
+    approved: Mapped[bool] = mapped_column(server_default=sa.text("false"))
     """Its plan is to be carried out."""
     plan: Mapped[dict[str, Any] | None]
     result: Mapped[dict[str, Any] | None]
@@ -86,8 +77,8 @@ class Operation(RequestColumns, Base):
 
     __table_args__ = (
         *status_constraints("queued", "running", "planned", "done", "failed", "cancelled"),
-        Index("ix_operations_created_at_id", "created_at", "id"),
-        Index("ix_operations_status", "status"),
+        sa.Index("ix_operations_created_at_id", "created_at", "id"),
+        sa.Index("ix_operations_status", "status"),
     )
 
 
@@ -96,14 +87,14 @@ class AuditEntry(Numbered, Base):
 
     __tablename__ = "audit_log"
 
-    at: Mapped[datetime] = mapped_column(server_default=func.now())
+    at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     action: Mapped[str]
     subject: Mapped[str]
     detail: Mapped[dict[str, Any]]
     origin: Mapped[str]
     """Who it was, as far as the service can tell: address and program."""
 
-    __table_args__ = (Index("ix_audit_log_at_id", "at", "id"),)
+    __table_args__ = (sa.Index("ix_audit_log_at_id", "at", "id"),)
 
 
 class DrivenByDay(Base):
@@ -113,7 +104,7 @@ class DrivenByDay(Base):
 
     day: Mapped[date] = mapped_column(primary_key=True)
     highway: Mapped[str] = mapped_column(primary_key=True)
-    segments: Mapped[int] = mapped_column(BigInteger)
+    segments: Mapped[int] = mapped_column(sa.BigInteger)
     length_m: Mapped[float]
 
 
@@ -128,7 +119,7 @@ class DriveTrial(RequestColumns, Base):
 
     __tablename__ = "drive_trials"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"))
+    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"))
     method: Mapped[str]
     options: Mapped[dict[str, Any]]
     asked_sha256: Mapped[str]
@@ -141,8 +132,8 @@ class DriveTrial(RequestColumns, Base):
 
     __table_args__ = (
         *status_constraints(*TRIAL_STATUSES),
-        UniqueConstraint("drive_id", "asked_sha256"),
-        Index("ix_drive_trials_finished_at", "finished_at"),
+        sa.UniqueConstraint("drive_id", "asked_sha256"),
+        sa.Index("ix_drive_trials_finished_at", "finished_at"),
     )
 
 
@@ -151,7 +142,7 @@ class Batch(Numbered, Base):
 
     __tablename__ = "batches"
 
-    asked_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    asked_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     selection: Mapped[dict[str, Any]]
     method: Mapped[str | None]
     """NULL: each drive's own, with the options that it has."""
@@ -163,12 +154,12 @@ class Batch(Numbered, Base):
     """The last drive that it took, in the order of uploads; the next piece goes on from there."""
 
     __table_args__ = (
-        CheckConstraint("state IN ('enqueuing', 'enqueued', 'cancelled')", name="state"),
+        sa.CheckConstraint("state IN ('enqueuing', 'enqueued', 'cancelled')", name="state"),
         # Who asks for the same again while it is being enqueued goes on with it.
-        Index(
+        sa.Index(
             "uq_batches_enqueuing",
             "selection",
-            text("coalesce(method, '')"),
+            sa.text("coalesce(method, '')"),
             unique=True,
             **where("state = 'enqueuing'"),
         ),
@@ -187,10 +178,10 @@ class DriveCounts(Numbered, Base):
     """Of the upload, UTC."""
     status: Mapped[str]
     failure_kind: Mapped[str | None]
-    batch_id: Mapped[int | None] = mapped_column(BigInteger)
+    batch_id: Mapped[int | None] = mapped_column(sa.BigInteger)
     drives: Mapped[int]
     distance_m: Mapped[float]
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
 
 class Computation(Base):
@@ -198,9 +189,9 @@ class Computation(Base):
 
     __tablename__ = "computations"
 
-    job_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    job_id: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
     """Of the queue; no foreign key, for the queue's tables are its own."""
-    deaths: Mapped[int] = mapped_column(SmallInteger, server_default="0")
+    deaths: Mapped[int] = mapped_column(sa.SmallInteger, server_default="0")
     """Runs in which the process ended while it computed this job."""
     since: Mapped[datetime | None]
     """When the computation began; NULL: none runs."""
@@ -218,7 +209,7 @@ class SchemaSupport(OneRow, Base):
 
     oldest_program: Mapped[str]
 
-    __table_args__ = (CheckConstraint("id = 1", name="singleton"),)
+    __table_args__ = (sa.CheckConstraint("id = 1", name="singleton"),)
 
 
 class QueueMigration(Base):
@@ -227,7 +218,7 @@ class QueueMigration(Base):
     __tablename__ = "queue_migrations"
 
     name: Mapped[str] = mapped_column(primary_key=True)
-    applied_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    applied_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
 
 class DrivePicture(Base):
@@ -235,10 +226,12 @@ class DrivePicture(Base):
 
     __tablename__ = "drive_pictures"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(
+        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
+    )
     drawn_of: Mapped[str]
     png: Mapped[bytes]
-    drawn_at: Mapped[datetime] = mapped_column(server_default=func.now(), index=True)
+    drawn_at: Mapped[datetime] = mapped_column(server_default=sa.func.now(), index=True)
 
 
 class ProcessTotals(Base):
@@ -250,7 +243,7 @@ class ProcessTotals(Base):
     process: Mapped[str]
     """What it is, for people."""
     totals: Mapped[dict[str, Any]]
-    written_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    written_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
 
 class KeptFigures(Base):
@@ -260,7 +253,7 @@ class KeptFigures(Base):
 
     name: Mapped[str] = mapped_column(primary_key=True)
     rows: Mapped[list[dict[str, Any]]]
-    made_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    made_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     took_s: Mapped[float]
     of_state: Mapped[str]
     """Of roads, slopes and elevation; figures of the present state need not be made again."""

@@ -7,8 +7,8 @@ import uuid
 from datetime import datetime
 from typing import Any
 
+import sqlalchemy as sa
 from geoalchemy2 import Geometry, WKBElement
-from sqlalchemy import BigInteger, CheckConstraint, ForeignKey, Index, SmallInteger, func, text
 from sqlalchemy.dialects.postgresql import ARRAY, TEXT
 from sqlalchemy.orm import Mapped, mapped_column
 
@@ -23,9 +23,9 @@ class SegmentChange(Base):
 
     __tablename__ = "segment_changes"
 
-    segment_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    segment_id: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
     """No foreign key: that it is gone is told for some time."""
-    xid: Mapped[int] = mapped_column(BigInteger)
+    xid: Mapped[int] = mapped_column(sa.BigInteger)
     """The transaction. A snapshot tells all of those below its ``pg_snapshot_xmin``, of later ones perhaps some."""
     changed_at: Mapped[datetime] = mapped_column(index=True)
     gone: Mapped[bool]
@@ -35,9 +35,9 @@ class SegmentChange(Base):
     """Where it lay before it moved or went, as far back as changes are told: all places in one box."""
 
     __table_args__ = (
-        Index("ix_segment_changes_xid", "xid", "segment_id"),
+        sa.Index("ix_segment_changes_xid", "xid", "segment_id"),
         # What is told for a time only.
-        Index("ix_segment_changes_left", "changed_at", **where("gone OR was IS NOT NULL")),
+        sa.Index("ix_segment_changes_left", "changed_at", **where("gone OR was IS NOT NULL")),
     )
 
 
@@ -46,7 +46,7 @@ class Way(Road, Base):
 
     __tablename__ = "ways"
 
-    id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    id: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
     """Of its first segment."""
     segments: Mapped[int]
     slope_percent: Mapped[float | None]
@@ -63,9 +63,9 @@ class Way(Road, Base):
     steepest_to_m: Mapped[float | None]
 
     __table_args__ = (
-        Index("ix_ways_osm_way_id", "osm_way_id"),
-        Index("ix_ways_geom", "geom", postgresql_using="gist"),
-        Index("ix_ways_geom_3857", "geom_3857", postgresql_using="gist"),
+        sa.Index("ix_ways_osm_way_id", "osm_way_id"),
+        sa.Index("ix_ways_geom", "geom", postgresql_using="gist"),
+        sa.Index("ix_ways_geom_3857", "geom_3857", postgresql_using="gist"),
     )
 
 
@@ -77,14 +77,14 @@ class DrawnPiece(Base):
 
     __tablename__ = "drawn_pieces"
 
-    level: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    level: Mapped[int] = mapped_column(sa.SmallInteger, primary_key=True, autoincrement=False)
     cell: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
-    segment_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    segment_id: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
     """One of its segments, which no other piece of the level has."""
-    rank: Mapped[int] = mapped_column(SmallInteger)
+    rank: Mapped[int] = mapped_column(sa.SmallInteger)
     """Of the class: 0 motorways, then less and less important."""
     highway: Mapped[str]
-    oneway: Mapped[int] = mapped_column(SmallInteger)
+    oneway: Mapped[int] = mapped_column(sa.SmallInteger)
     slope_percent: Mapped[float | None]
     """Mean over what was measured of it, by length, along the line."""
     slope_sigma_percent: Mapped[float | None]
@@ -93,7 +93,9 @@ class DrawnPiece(Base):
     geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
 
     __table_args__ = tuple(
-        Index(f"ix_drawn_pieces_{level}", "geom_3857", postgresql_using="gist", **where(f"level = {level}"))
+        sa.Index(
+            f"ix_drawn_pieces_{level}", "geom_3857", postgresql_using="gist", **where(f"level = {level}")
+        )
         for level in DRAWN_LEVELS
     )
 
@@ -103,15 +105,15 @@ class DerivedUpTo(OneRow, Base):
 
     __tablename__ = "derived_upto"
 
-    xid: Mapped[int] = mapped_column(BigInteger)
+    xid: Mapped[int] = mapped_column(sa.BigInteger)
     """The last change that was followed, in the order of (xid, segment_id)."""
-    segment_id: Mapped[int] = mapped_column(BigInteger)
-    turn: Mapped[int] = mapped_column(BigInteger)
+    segment_id: Mapped[int] = mapped_column(sa.BigInteger)
+    turn: Mapped[int] = mapped_column(sa.BigInteger)
     """Raised by whoever writes what is derived: of two who read the same one comes too late, and writes nothing."""
-    written_xid: Mapped[int] = mapped_column(BigInteger)
+    written_xid: Mapped[int] = mapped_column(sa.BigInteger)
     """The transaction that wrote the row, which the row itself knows too: a dump that was brought in did not."""
 
-    __table_args__ = (CheckConstraint("id = 1", name="one"),)
+    __table_args__ = (sa.CheckConstraint("id = 1", name="one"),)
 
 
 class DerivedSegment(Base):
@@ -119,9 +121,9 @@ class DerivedSegment(Base):
 
     __tablename__ = "derived_segments"
 
-    segment_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    segment_id: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
     """No foreign key: one that is gone stays until that is followed."""
-    osm_way_id: Mapped[int] = mapped_column(BigInteger)
+    osm_way_id: Mapped[int] = mapped_column(sa.BigInteger)
     cell: Mapped[int]
 
 
@@ -130,9 +132,9 @@ class CellToDraw(Base):
 
     __tablename__ = "cells_to_draw"
 
-    level: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    level: Mapped[int] = mapped_column(sa.SmallInteger, primary_key=True, autoincrement=False)
     cell: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
-    since: Mapped[datetime] = mapped_column(server_default=func.now())
+    since: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
 
 class StoredTile(Base):
@@ -141,15 +143,15 @@ class StoredTile(Base):
     __tablename__ = "stored_tiles"
 
     layer: Mapped[str] = mapped_column(primary_key=True)
-    z: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    z: Mapped[int] = mapped_column(sa.SmallInteger, primary_key=True, autoincrement=False)
     x: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     y: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     tag: Mapped[str]
     """The ETag that it was built for; with another one it is old."""
     size_bytes: Mapped[int]
-    asked: Mapped[int] = mapped_column(BigInteger, server_default="1")
+    asked: Mapped[int] = mapped_column(sa.BigInteger, server_default="1")
     """How often it was asked for, as far as processes have told."""
-    asked_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    asked_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     """What was asked for last stays longest where room is short."""
     body: Mapped[bytes]
     """The tile, gzip."""
@@ -175,13 +177,13 @@ class ChangeEpoch(OneRow, Base):
     """Random; part of every version."""
     place: Mapped[str]
     """Server, database and timeline in which it began."""
-    xid: Mapped[int] = mapped_column(BigInteger)
+    xid: Mapped[int] = mapped_column(sa.BigInteger)
     """The transaction that wrote this row: a copy of the row, by a dump, was written by another."""
-    pruned_xid: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    pruned_xid: Mapped[int] = mapped_column(sa.BigInteger, server_default="0")
     """What was gone before it is not told any more."""
-    begun_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    begun_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
-    __table_args__ = (CheckConstraint("id = 1", name="singleton"),)
+    __table_args__ = (sa.CheckConstraint("id = 1", name="singleton"),)
 
 
 class Webhook(Base):
@@ -196,7 +198,7 @@ class Webhook(Base):
     events: Mapped[list[str]] = mapped_column(ARRAY(TEXT))
     bbox: Mapped[list[float] | None]
     """West, south, east, north, degrees: only what happens there is told; NULL: everywhere."""
-    active: Mapped[bool] = mapped_column(server_default=text("true"))
+    active: Mapped[bool] = mapped_column(server_default=sa.text("true"))
     off_reason: Mapped[str | None]
     """Why the service switched it off; NULL where it did not."""
     reported_version: Mapped[str | None]
@@ -205,11 +207,11 @@ class Webhook(Base):
     """In a row."""
     failing_since: Mapped[datetime | None]
     last_success_at: Mapped[datetime | None]
-    next_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    next_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     """Nothing is sent before."""
     claimed_until: Mapped[datetime | None]
     """Somebody is sending; one at a time, and whoever dies at it holds it no longer."""
-    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
 
 class WebhookDelivery(Base):
@@ -218,13 +220,13 @@ class WebhookDelivery(Base):
     __tablename__ = "webhook_deliveries"
 
     id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
-    webhook_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("webhooks.id", ondelete="CASCADE"))
+    webhook_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("webhooks.id", ondelete="CASCADE"))
     event: Mapped[str]
     data: Mapped[dict[str, Any]]
-    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     state: Mapped[str] = mapped_column(server_default="waiting")
     attempts: Mapped[int] = mapped_column(server_default="0")
-    due_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    due_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     ended_at: Mapped[datetime | None]
     status: Mapped[int | None]
     """HTTP's, of the last attempt; NULL where there was no answer."""
@@ -232,8 +234,8 @@ class WebhookDelivery(Base):
     """What was wrong at the last attempt."""
 
     __table_args__ = (
-        CheckConstraint("state IN ('waiting', 'taken', 'given up')", name="state"),
-        Index("ix_webhook_deliveries_waiting", "webhook_id", "due_at", **where("state = 'waiting'")),
-        Index("ix_webhook_deliveries_created_at", "webhook_id", "created_at"),
-        Index("ix_webhook_deliveries_ended_at", "ended_at", **where("ended_at IS NOT NULL")),
+        sa.CheckConstraint("state IN ('waiting', 'taken', 'given up')", name="state"),
+        sa.Index("ix_webhook_deliveries_waiting", "webhook_id", "due_at", **where("state = 'waiting'")),
+        sa.Index("ix_webhook_deliveries_created_at", "webhook_id", "created_at"),
+        sa.Index("ix_webhook_deliveries_ended_at", "ended_at", **where("ended_at IS NOT NULL")),
     )
