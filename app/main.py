@@ -18,20 +18,12 @@ from app.changes import events as change_events
 from app.changes import routes as changes
 from app.changes.live import Live
 from app.changes.webhooks import routes as webhooks
+from app.core import middleware
 from app.core.admission import MORE_CONNECTIONS, Admission, RequestClass, Turnstile, make_request_classes
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.disconnects import EndWithClient
 from app.core.http import Service
-from app.core.middleware import (
-    CollectAfterRequests,
-    Compressed,
-    EarlyAnswers,
-    HeadMiddleware,
-    KnownHosts,
-    PublishedCors,
-    SameOriginWrites,
-)
 from app.core.problems import Problem, install_error_handlers
 from app.core.receiving.clients import Forwarded, Shares
 from app.core.receiving.pace import Bodies
@@ -69,7 +61,7 @@ from app.operations import sources
 from app.ops import health, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
-from app.ops.metrics import Gauges, Metrics, MetricsMiddleware, read_gauges
+from app.ops.metrics import Gauges, Metrics, read_gauges
 from app.ops.metrics import router as metrics_router
 from app.web import docs, pages
 
@@ -180,21 +172,20 @@ def _middleware(
     """The outermost first."""
     return [
         Middleware(Forwarded, proxies=settings.proxies),
-        Middleware(CollectAfterRequests),
+        Middleware(middleware.CollectAfterRequests),
         Middleware(Turnstile),
-        Middleware(HeadMiddleware),
-        Middleware(RequestLog),
-        Middleware(MetricsMiddleware, metrics=metrics),
-        Middleware(KnownHosts, settings=settings),
-        *([Middleware(PublishedCors, origins=settings.origins)] if settings.origins else []),
+        Middleware(middleware.HeadMiddleware),
+        Middleware(RequestLog, observe=metrics.observe),
+        Middleware(middleware.KnownHosts, settings=settings),
+        *([Middleware(middleware.PublishedCors, origins=settings.origins)] if settings.origins else []),
         Middleware(TileFront, max_zoom=settings.tile_max_zoom),
         Middleware(EndWithClient),
-        Middleware(EarlyAnswers),
+        Middleware(middleware.EarlyAnswers),
         Middleware(Bodies, body_timeout_s=settings.body_timeout_s, upload_stall_s=settings.upload_stall_s),
         Middleware(Admission, request_classes=request_classes),
-        Middleware(SameOriginWrites, public_url=settings.public_url),
+        Middleware(middleware.SameOriginWrites, public_url=settings.public_url),
         # It leaves event streams and pictures alone, and compresses large answers in a thread.
-        Middleware(Compressed, minimum_size=GZIP_FROM_BYTES, compresslevel=GZIP_LEVEL),
+        Middleware(middleware.Compressed, minimum_size=GZIP_FROM_BYTES, compresslevel=GZIP_LEVEL),
     ]
 
 

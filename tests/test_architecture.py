@@ -68,7 +68,6 @@ SQL_PLACES = {
         "map/derived/way_store.py",
         "operations/store.py",
         "ops/admin/attention.py",
-        "ops/admin/flow.py",
         "ops/admin/store.py",
         "ops/store.py",
         "roads/copy.py",

@@ -164,7 +164,7 @@ def settings() -> str:
     for name, field in Settings.model_fields.items():
         # A default that depends on the machine is told in words.
         shown = "" if field.default_factory or field.default is None else plain(field.default)
-        rows.append((code(ENV_PREFIX + name.upper()), shown, field.description))
+        rows.append((code(ENV_PREFIX + name.upper()), shown, " ".join((field.description or "").split())))
     return table(("variable", "default", "meaning"), rows)
 
 

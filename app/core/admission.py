@@ -15,12 +15,11 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from urllib.parse import unquote_plus
 
-from fastapi import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.core.errors import BusyError, kind_of
+from app.core.errors import BusyError
 from app.core.middleware import FOR_PROBES, UPLOAD_PATHS
-from app.core.problems import problem_response
+from app.core.problems import refuse
 from app.core.receiving.clients import Shares, present_client
 
 LONGEST_WAIT_S = 10.0
@@ -189,11 +188,9 @@ class Admission:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Wait for a place, or answer 503."""
         # The body of a change has been read already (``app.core.receiving.pace``): nobody holds a place meanwhile.
-        name = (
-            None
-            if scope["type"] != "http"
-            else class_of_request(scope["method"], scope["path"], scope["query_string"])
-        )
+        name = None
+        if scope["type"] == "http":
+            name = class_of_request(scope["method"], scope["path"], scope["query_string"])
         if name is None:
             await self.app(scope, receive, send)
             return
@@ -201,7 +198,7 @@ class Admission:
             try:
                 await held.enter_async_context(self._classes[name].place())
             except BusyError as error:
-                await problem_response(Request(scope), kind_of(error), str(error))(scope, receive, send)
+                await refuse(error, scope, receive, send)
                 return
 
             async def send_and_leave(message: Message) -> None:

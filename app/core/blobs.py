@@ -18,19 +18,8 @@ from typing import Any, BinaryIO, Self
 
 from fsspec.spec import AbstractBufferedFile
 
+from app.core import filesystems as files
 from app.core.content import ContentHash
-from app.core.filesystems import (
-    INCOMING,
-    complete,
-    file_system,
-    free_bytes,
-    full_is_told,
-    make_folder,
-    modified_at,
-    put_file,
-    remove_file,
-    storage_full,
-)
 
 BLOCK_BYTES = 8 * 2**20
 """What is collected for one request to a bucket; ten thousand such are a blob."""
@@ -66,7 +55,7 @@ class BlobStore:
         """The folder is created when the first blob arrives. ``section``: of the store; only its blobs are
         listed.
         """
-        self._fs, self._root = file_system(url)
+        self._fs, self._root = files.file_system(url)
         self._section = section
         self._noted: set[str] = set()
 
@@ -88,21 +77,20 @@ class BlobStore:
 
     def free_bytes(self) -> int | None:
         """Free room for blobs, bytes; None where it is unknown, as of a bucket."""
-        return free_bytes(self._fs, self._root)
+        return files.free_bytes(self._fs, self._root)
 
     def probe(self) -> None:
         """Write a few bytes and remove them again: raises what an upload would meet."""
-        path = f"{self._root}/{INCOMING}/{uuid.uuid4().hex}"
-        make_folder(self._fs, f"{self._root}/{INCOMING}")
+        path = f"{self._root}/{files.INCOMING}/{uuid.uuid4().hex}"
+        files.make_folder(self._fs, f"{self._root}/{files.INCOMING}")
         try:
             self._fs.pipe_file(path, b"ready")
         finally:
-            remove_file(self._fs, path)
+            files.remove_file(self._fs, path)
 
     def exists(self, key: str) -> bool:
         """Whether the blob is there."""
-        is_there: bool = self._fs.exists(f"{self._root}/{key}")
-        return is_there
+        return bool(self._fs.exists(f"{self._root}/{key}"))
 
     def open(self, key: str, block_bytes: int | None = None) -> BinaryIO:
         """The blob's bytes as a file; ``FileNotFoundError`` when there is none.
@@ -119,13 +107,13 @@ class BlobStore:
         """
         if self.exists(key):
             return False
-        with full_is_told():
-            put_file(self._fs, self._root, path, key)
+        with files.full_is_told():
+            files.put_file(self._fs, self._root, path, key)
         return True
 
     def delete(self, key: str) -> None:
         """Remove the blob; one that is not there is no error."""
-        remove_file(self._fs, f"{self._root}/{key}")
+        files.remove_file(self._fs, f"{self._root}/{key}")
 
     def keys(self) -> list[str]:
         """The keys of all complete blobs, sorted."""
@@ -135,9 +123,9 @@ class BlobStore:
         """Remove parts of uploads that began longer ago than ``older_than``; return how many."""
         limit = datetime.now(UTC) - older_than
         removed = 0
-        for path in self._list(INCOMING):
+        for path in self._list(files.INCOMING):
             if _changed_at(self._fs, path) < limit:
-                remove_file(self._fs, path)
+                files.remove_file(self._fs, path)
                 removed += 1
         return removed
 
@@ -168,11 +156,11 @@ class BlobStore:
         """Forget all databases that refer to blobs here, except this one."""
         for identity in self.databases():
             if identity != but:
-                remove_file(self._fs, f"{self._root}/{_DATABASES}/{identity}")
+                files.remove_file(self._fs, f"{self._root}/{_DATABASES}/{identity}")
 
     def _note(self, identity: str) -> None:
-        with full_is_told():
-            make_folder(self._fs, f"{self._root}/{_DATABASES}")
+        with files.full_is_told():
+            files.make_folder(self._fs, f"{self._root}/{_DATABASES}")
             self._fs.pipe_file(f"{self._root}/{_DATABASES}/{identity}", b"")
 
     def _list(self, folder: str) -> list[str]:
@@ -196,12 +184,12 @@ class BlobWriter:
         self._section = section
         self._keep_free_bytes = keep_free_bytes
         self._name = uuid.uuid4().hex
-        self._part = f"{root}/{INCOMING}/{self._name}"
+        self._part = f"{root}/{files.INCOMING}/{self._name}"
         self._hash = ContentHash(max_content_bytes)
         self._finished = self._closed = False
         self.size_bytes = 0
-        with full_is_told():
-            make_folder(fs, f"{root}/{INCOMING}")
+        with files.full_is_told():
+            files.make_folder(fs, f"{root}/{files.INCOMING}")
             self._file = fs.open(self._part, "wb", block_size=BLOCK_BYTES)
 
     def __enter__(self) -> Self:
@@ -216,14 +204,14 @@ class BlobWriter:
         self.require_room(len(chunk))
         self.size_bytes += len(chunk)
         self._hash.update(chunk)
-        with full_is_told():
+        with files.full_is_told():
             self._file.write(chunk)
 
     def require_room(self, size_bytes: int) -> None:
         """``StorageFullError`` unless the room to keep free remains after ``size_bytes`` more."""
-        free = free_bytes(self._fs, self._root) if self._keep_free_bytes else None
+        free = files.free_bytes(self._fs, self._root) if self._keep_free_bytes else None
         if free is not None and free < self._keep_free_bytes + size_bytes:
-            raise storage_full()
+            raise files.storage_full()
 
     def reopened(self) -> BinaryIO:
         """What was written, to be read before it is finished or discarded; nothing can be written any more."""
@@ -238,8 +226,8 @@ class BlobWriter:
         """
         key = f"{self._section}/{self._name}"
         self._close()
-        with full_is_told():
-            complete(self._fs, self._part, f"{self._root}/{key}")
+        with files.full_is_told():
+            files.complete(self._fs, self._part, f"{self._root}/{key}")
         self._finished = True
         content = content_sha256 or self._hash.content_sha256()
         return StoredBlob(key, self._hash.sha256(), self.size_bytes, content)
@@ -252,12 +240,12 @@ class BlobWriter:
                 with contextlib.suppress(OSError):  # what is still buffered finds no room now either
                     _drop(self._file)
         finally:
-            remove_file(self._fs, self._part)
+            files.remove_file(self._fs, self._part)
 
     def _close(self) -> None:
         if self._closed:
             return
-        with full_is_told():
+        with files.full_is_told():
             self._file.close()
         self._closed = True
 
@@ -273,6 +261,6 @@ def _drop(file: Any) -> None:
 
 def _changed_at(fs: Any, path: str) -> datetime:
     try:
-        return modified_at(fs, path)
+        return files.modified_at(fs, path)
     except FileNotFoundError:  # finished or discarded while we looked
         return datetime.now(UTC)

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import psycopg
 from psycopg.errors import DiskFull, LockNotAvailable, QueryCanceled
@@ -30,21 +31,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from fusion.errors import (
-    BadOptionsError,
-    ControlError,
-    EmptyLogError,
-    FusionError,
-    LogError,
-    MalformedLogError,
-    MethodError,
-    MissingSensorError,
-    NoMatchError,
-    RoadsError,
-    TerrainError,
-    UnknownFormatError,
-    UnknownNameError,
-)
+from fusion import errors as fusion
 
 PROBLEM_PATH = "/problems/"
 """Where the kinds of problems are explained; a kind's ``type`` is this and its slug."""
@@ -58,7 +45,13 @@ class FieldError(BaseModel):
 
 
 class ServiceError(Exception):
-    """Base of the service's own errors; ``str(error)`` is a message for a person."""
+    """Base of the service's own errors; ``str(error)`` is a message for a person.
+
+    The docstring of a class is what people are told that such a problem means.
+    """
+
+    answer: ClassVar[tuple[int, str, str]]
+    """HTTP status, the last part of ``type``, and title."""
 
     def __init__(self, message: str, *, field: str | None = None, errors: Sequence[FieldError] = ()) -> None:
         """``field`` names the one thing at fault; ``errors`` lists several."""
@@ -67,67 +60,99 @@ class ServiceError(Exception):
 
 
 class NotFoundError(ServiceError):
-    """What the address names does not exist (any more)."""
+    """The address names nothing that exists (any more)."""
+
+    answer = (404, "not-found", "Not found")
 
 
 class GoneError(ServiceError):
-    """A version of the map from which nobody can go on any more."""
+    """Nobody can go on from that version of the map any more."""
+
+    answer = (410, "gone", "Start anew")
 
 
 class BadRequestError(ServiceError):
-    """A parameter or body cannot be used."""
+    """A parameter or the body is unusable."""
+
+    answer = (422, "invalid-request", "Unusable request")
 
 
 class BadQueryError(BadRequestError):
-    """A query parameter of an OGC route cannot be used."""
+    """A query parameter is unknown or out of range."""
+
+    answer = (400, "bad-query", "Unusable query")
 
 
 class BodyTooLargeError(ServiceError):
-    """An upload above ``max_upload_bytes``."""
+    """The upload exceeds the size that this service takes."""
+
+    answer = (413, "too-large", "Upload too large")
 
 
 class HeadTooLargeError(ServiceError):
-    """An address or headers beyond what any program sends."""
+    """The address and the headers of a request may have 32 KiB in 200 fields. Send less."""
+
+    answer = (431, "head-too-large", "Request Header Fields Too Large")
 
 
 class SlowClientError(ServiceError):
-    """A request's head or body that does not arrive."""
+    """The request did not arrive in time. Send it again, over a better connection."""
+
+    answer = (408, "slow-client", "Request Timeout")
 
 
 class UnsupportedBodyError(ServiceError):
-    """A body of a kind that is not taken."""
+    """Send multipart/form-data or the log as it is."""
+
+    answer = (415, "unsupported-body", "Unsupported body")
 
 
 class NotAcceptableError(ServiceError):
-    """No representation that the Accept header allows exists."""
+    """There is no such representation."""
+
+    answer = (406, "not-acceptable", "Not acceptable")
 
 
 class CrossOriginWriteError(ServiceError):
-    """A page of another site asks for a change."""
+    """Pages of other sites may not change data."""
+
+    answer = (403, "cross-origin-write", "Change from another site")
 
 
 class StorageFullError(ServiceError):
-    """There is no room for what was sent."""
+    """The service has no room; try again later."""
 
-
-class UnknownHostError(ServiceError):
-    """The request came under a name that is not the service's."""
-
-
-class BusyError(ServiceError):
-    """Too many ask for the same kind of thing at once."""
-
-
-class TooManyError(ServiceError):
-    """There is as much of something already as there may be."""
-
-
-class NotDoneError(ServiceError):
-    """What is asked for is still being made."""
+    answer = (507, "storage-full", "Storage full")
 
 
 class NotReadyError(ServiceError):
-    """The service waits for something else, such as its database."""
+    """The service waits for what it needs; try again."""
+
+    answer = (503, "not-ready", "Not ready")
+
+
+class UnknownHostError(ServiceError):
+    """The Host header names another host; VERSANT_ALLOWED_HOSTS lists further names of the service."""
+
+    answer = (421, "unknown-host", "Not this service's name")
+
+
+class BusyError(ServiceError):
+    """Too many requests of this kind at once; try again in a moment."""
+
+    answer = (503, "busy", "Too busy")
+
+
+class TooManyError(ServiceError):
+    """There are as many as there may be; remove one that is not needed."""
+
+    answer = (409, "too-many", "Too many of them")
+
+
+class NotDoneError(ServiceError):
+    """What is asked for is being made; ask again after a moment."""
+
+    answer = (409, "not-done", "Not done yet")
 
 
 @dataclass(frozen=True)
@@ -143,58 +168,12 @@ class Kind:
 _UNAVAILABLE = Kind(503, "database-unavailable", "Database unavailable", "Try again in a moment.")
 
 KINDS: Mapping[type[Exception], Kind] = {
-    NotFoundError: Kind(404, "not-found", "Not found", "The address names nothing that exists (any more)."),
-    GoneError: Kind(410, "gone", "Start anew", "Nobody can go on from that version of the map any more."),
-    BadQueryError: Kind(400, "bad-query", "Unusable query", "A query parameter is unknown or out of range."),
-    BadRequestError: Kind(422, "invalid-request", "Unusable request", "A parameter or the body is unusable."),
-    BodyTooLargeError: Kind(
-        413, "too-large", "Upload too large", "The upload exceeds the size that this service takes."
-    ),
-    HeadTooLargeError: Kind(
-        431,
-        "head-too-large",
-        "Request Header Fields Too Large",
-        "The address and the headers of a request may have 32 KiB in 200 fields. Send less.",
-    ),
-    SlowClientError: Kind(
-        408,
-        "slow-client",
-        "Request Timeout",
-        "The request did not arrive in time. Send it again, over a better connection.",
-    ),
-    UnsupportedBodyError: Kind(
-        415,
-        "unsupported-body",
-        "Unsupported body",
-        "Send multipart/form-data or the log as it is.",
-    ),
-    NotAcceptableError: Kind(406, "not-acceptable", "Not acceptable", "There is no such representation."),
-    CrossOriginWriteError: Kind(
-        403,
-        "cross-origin-write",
-        "Change from another site",
-        "Pages of other sites may not change data.",
-    ),
-    StorageFullError: Kind(507, "storage-full", "Storage full", "The service has no room; try again later."),
-    NotReadyError: Kind(503, "not-ready", "Not ready", "The service waits for what it needs; try again."),
-    UnknownHostError: Kind(
-        421,
-        "unknown-host",
-        "Not this service's name",
-        "The Host header names another host; VERSANT_ALLOWED_HOSTS lists further names of the service.",
-    ),
-    BusyError: Kind(
-        503, "busy", "Too busy", "Too many requests of this kind at once; try again in a moment."
-    ),
-    TooManyError: Kind(
-        409,
-        "too-many",
-        "Too many of them",
-        "There are as many as there may be; remove one that is not needed.",
-    ),
-    NotDoneError: Kind(
-        409, "not-done", "Not done yet", "What is asked for is being made; ask again after a moment."
-    ),
+    # A subclass before its class.
+    **{
+        cls: Kind(*cls.answer, " ".join(str(cls.__doc__).split()))
+        for base in ServiceError.__subclasses__()
+        for cls in (*base.__subclasses__(), base)
+    },
     OperationalError: _UNAVAILABLE,
     psycopg.OperationalError: _UNAVAILABLE,
     PoolTimeoutError: Kind(
@@ -210,21 +189,24 @@ KINDS: Mapping[type[Exception], Kind] = {
     LockNotAvailable: Kind(
         503, "locked", "Being changed", "What is asked for is being changed; try again in a moment."
     ),
-    UnknownFormatError: Kind(
-        415, UnknownFormatError.kind, "Unknown log format", "No reader knows the bytes."
-    ),
-    EmptyLogError: Kind(422, EmptyLogError.kind, "Log without positions", "No row of the log can be used."),
-    MalformedLogError: Kind(422, MalformedLogError.kind, "Broken log", "The log is broken beyond skipping."),
-    LogError: Kind(422, LogError.kind, "Unusable log", "The log cannot be used."),
-    RoadsError: Kind(422, RoadsError.kind, "Unusable road file", "The road file cannot be used."),
-    TerrainError: Kind(422, TerrainError.kind, "Unusable elevation file", "The raster cannot be used."),
-    ControlError: Kind(422, ControlError.kind, "Unusable surveyed heights", "The file cannot be used."),
-    UnknownNameError: Kind(422, UnknownNameError.kind, "Unknown name", "No method or option has that name."),
-    BadOptionsError: Kind(422, BadOptionsError.kind, "Unusable options", "The method does not take them."),
-    MissingSensorError: Kind(422, MissingSensorError.kind, "Missing sensor", "The log lacks a sensor."),
-    NoMatchError: Kind(422, NoMatchError.kind, "No road near", "The log never comes near a road."),
-    MethodError: Kind(422, MethodError.kind, "Method failed", "The method cannot do what was asked."),
-    FusionError: Kind(422, FusionError.kind, "Unusable input", "The input cannot be used."),
+    **{
+        cls: Kind(status, cls.kind, title, meaning)
+        for status, cls, title, meaning in (
+            (415, fusion.UnknownFormatError, "Unknown log format", "No reader knows the bytes."),
+            (422, fusion.EmptyLogError, "Log without positions", "No row of the log can be used."),
+            (422, fusion.MalformedLogError, "Broken log", "The log is broken beyond skipping."),
+            (422, fusion.LogError, "Unusable log", "The log cannot be used."),
+            (422, fusion.RoadsError, "Unusable road file", "The road file cannot be used."),
+            (422, fusion.TerrainError, "Unusable elevation file", "The raster cannot be used."),
+            (422, fusion.ControlError, "Unusable surveyed heights", "The file cannot be used."),
+            (422, fusion.UnknownNameError, "Unknown name", "No method or option has that name."),
+            (422, fusion.BadOptionsError, "Unusable options", "The method does not take them."),
+            (422, fusion.MissingSensorError, "Missing sensor", "The log lacks a sensor."),
+            (422, fusion.NoMatchError, "No road near", "The log never comes near a road."),
+            (422, fusion.MethodError, "Method failed", "The method cannot do what was asked."),
+            (422, fusion.FusionError, "Unusable input", "The input cannot be used."),
+        )
+    },
     Exception: Kind(500, "internal", "Internal error", "A fault of the service, written to its log."),
 }
 """Error class -> answer; an error takes the row of the nearest class above it."""

@@ -18,26 +18,11 @@ from pydantic import BaseModel, Field
 from sqlalchemy import Engine
 from sqlalchemy.orm import Session
 
+from app.core import errors
 from app.core.admission import RequestClass
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
 from app.core.disconnects import ending_with_client
-from app.core.errors import (
-    KINDS,
-    PROBLEM_PATH,
-    STATUS_KINDS,
-    BadQueryError,
-    BodyTooLargeError,
-    CrossOriginWriteError,
-    GoneError,
-    Kind,
-    NotAcceptableError,
-    NotDoneError,
-    NotFoundError,
-    NotReadyError,
-    StorageFullError,
-    UnsupportedBodyError,
-)
 from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
 from app.core.text import GEO_JSON, geojson_text
@@ -123,7 +108,7 @@ def geojson_response(document: Mapping[str, Any], headers: dict[str, str] | None
 def existing(row: Any, what: str, key: object) -> Any:
     """``row``, or ``NotFoundError`` when it is None."""
     if row is None:
-        raise NotFoundError(f"There is no {what} {key}. It may have been deleted.")
+        raise errors.NotFoundError(f"There is no {what} {key}. It may have been deleted.")
     return row
 
 
@@ -168,25 +153,16 @@ def preferred(accept: str | None, offered: Sequence[str]) -> str | None:
     if not accept or not accept.strip():
         return offered[0]
     ranges = [_parsed(item) for item in accept.split(",") if item.strip()]
-    best, best_rank = None, (0.0, 0)
-    for media_type in offered:
-        rank = _rank(media_type, ranges)
-        if rank[0] > 0 and rank > best_rank:
-            best, best_rank = media_type, rank
-    return best
+    best = max(offered, key=lambda media_type: _rank(media_type, ranges))
+    return best if _rank(best, ranges)[0] > 0 else None
 
 
 def _rank(media_type: str, ranges: list[tuple[str, float]]) -> tuple[float, int]:
     """(weight, how exactly it is named) by the most specific range that covers the type."""
     wildcard = media_type.split("/", maxsplit=1)[0] + "/*"
-    matches = [
-        (specific, weight)
-        for name, weight in ranges
-        if (specific := {media_type: 3, wildcard: 2, "*/*": 1}.get(name, 0))
-    ]
-    if not matches:
-        return (0.0, 0)
-    specific, weight = max(matches)
+    exactness = {media_type: 3, wildcard: 2, "*/*": 1}
+    matches = [(exactness[name], weight) for name, weight in ranges if name in exactness]
+    specific, weight = max(matches, default=(0, 0.0))
     return (weight, specific)
 
 
@@ -216,9 +192,9 @@ def json_answer(description: str, example: Any) -> dict[str, Any]:
     return {"description": description, "content": content}
 
 
-def _described(kind: Kind, detail: str, field: str | None = None) -> dict[str, Any]:
+def _described(kind: errors.Kind, detail: str, field: str | None = None) -> dict[str, Any]:
     example = {
-        "type": PROBLEM_PATH + kind.slug,
+        "type": errors.PROBLEM_PATH + kind.slug,
         "title": kind.title,
         "status": kind.status,
         "detail": detail,
@@ -235,22 +211,22 @@ def _described(kind: Kind, detail: str, field: str | None = None) -> dict[str, A
 _PROBLEMS: dict[int, dict[str, Any]] = {
     kind.status: _described(kind, *detail)
     for kind, *detail in (
-        (KINDS[BadQueryError], "bbox: it needs 4 numbers.", "bbox"),
-        (KINDS[CrossOriginWriteError], "Do it from this site."),
-        (KINDS[NotFoundError], "There is no such thing. It may have been deleted."),
-        (KINDS[NotAcceptableError], "Ask for application/json or image/png."),
-        (KINDS[NotDoneError], "The export is being made: 40 % of it is done."),
-        (KINDS[GoneError], "since: this version is of another database. Read anew.", "since"),
-        (KINDS[BodyTooLargeError], "The upload is larger than 1073741824 bytes."),
-        (KINDS[UnsupportedBodyError], "Send the log as it is or gzipped."),
-        (STATUS_KINDS[416], "The file has 498112 bytes."),
-        (KINDS[BadOptionsError], "particles: it must be at least 1.", "particles"),
-        (KINDS[NotReadyError], "The database does not answer."),
-        (KINDS[StorageFullError], "The service's storage is full. Send it again later."),
+        (errors.KINDS[errors.BadQueryError], "bbox: it needs 4 numbers.", "bbox"),
+        (errors.KINDS[errors.CrossOriginWriteError], "Do it from this site."),
+        (errors.KINDS[errors.NotFoundError], "There is no such thing. It may have been deleted."),
+        (errors.KINDS[errors.NotAcceptableError], "Ask for application/json or image/png."),
+        (errors.KINDS[errors.NotDoneError], "The export is being made: 40 % of it is done."),
+        (errors.KINDS[errors.GoneError], "since: this version is of another database. Read anew.", "since"),
+        (errors.KINDS[errors.BodyTooLargeError], "The upload is larger than 1073741824 bytes."),
+        (errors.KINDS[errors.UnsupportedBodyError], "Send the log as it is or gzipped."),
+        (errors.STATUS_KINDS[416], "The file has 498112 bytes."),
+        (errors.KINDS[BadOptionsError], "particles: it must be at least 1.", "particles"),
+        (errors.KINDS[errors.NotReadyError], "The database does not answer."),
+        (errors.KINDS[errors.StorageFullError], "The service's storage is full. Send it again later."),
     )
 }
 
 UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {
-    400: _described(STATUS_KINDS[400], "The body cannot be read. Send JSON in UTF-8.")
+    400: _described(errors.STATUS_KINDS[400], "The body cannot be read. Send JSON in UTF-8.")
 }
 """The description of the 400 of routes that take a JSON body."""

@@ -16,15 +16,14 @@ from collections.abc import Sequence
 from ipaddress import ip_address
 from urllib.parse import urlsplit
 
-from fastapi import Request, Response
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware.cors import CORSMiddleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.disconnects import has_body
-from app.core.errors import KINDS, CrossOriginWriteError, UnknownHostError
-from app.core.problems import problem_response
+from app.core.errors import CrossOriginWriteError, UnknownHostError
+from app.core.problems import refuse
 from app.core.settings import Settings
 
 LINGER_BYTES = 4 * 1024 * 1024
@@ -149,7 +148,9 @@ class EarlyAnswers:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Watch how far the body is read, and linger after an answer that came before its end."""
-        if scope["type"] != "http" or not _announces_body(Headers(scope=scope)):
+        # A client that sends "Expect: 100-continue" waits for permission, and reading would give it.
+        headers = Headers(scope=scope) if scope["type"] == "http" else Headers()
+        if "expect" in headers or not has_body(headers):
             await self.app(scope, receive, send)
             return
         unread, early = True, False
@@ -172,11 +173,6 @@ class EarlyAnswers:
             await send(message)
 
         await self.app(scope, watched, lingering)
-
-
-def _announces_body(headers: Headers) -> bool:
-    # A client that sends "Expect: 100-continue" waits for permission, and reading would give it.
-    return "expect" not in headers and has_body(headers)
 
 
 async def _drop(receive: Receive) -> None:
@@ -211,7 +207,12 @@ class KnownHosts:
         if scope["type"] == "http" and scope["path"] not in FOR_PROBES:
             for host in Headers(scope=scope).getlist("host"):
                 if not self._is_known(host, scope):
-                    await _unknown_host(host, scope)(scope, receive, send)
+                    name = host if host.isprintable() else repr(host)
+                    error = UnknownHostError(
+                        f"This service is not known as {name[:100]}. Ask for it by its own address, or name that host "
+                        "in VERSANT_ALLOWED_HOSTS (or VERSANT_PUBLIC_URL) where the service is started."
+                    )
+                    await refuse(error, scope, receive, send)
                     return
         await self.app(scope, receive, send)
 
@@ -227,15 +228,6 @@ class KnownHosts:
             return address.is_loopback or address == ip_address((scope.get("server") or ("",))[0])
         except ValueError:
             return False
-
-
-def _unknown_host(host: str, scope: Scope) -> Response:
-    name = host if host.isprintable() else repr(host)
-    message = (
-        f"This service is not known as {name[:100]}. Ask for it by its own address, or name that host in "
-        "VERSANT_ALLOWED_HOSTS (or VERSANT_PUBLIC_URL) where the service is started."
-    )
-    return problem_response(Request(scope), KINDS[UnknownHostError], message)
 
 
 class PublishedCors:
@@ -278,10 +270,9 @@ class SameOriginWrites:
         """Answer 403 to such a request, pass on any other."""
         if scope["type"] == "http" and scope["method"] in CHANGING and self._foreign(Headers(scope=scope)):
             message = "A page of another site asked for this change. Do it from this site, or with a program."
-            response = problem_response(Request(scope), KINDS[CrossOriginWriteError], message)
-            await response(scope, receive, send)
-            return
-        await self.app(scope, receive, send)
+            await refuse(CrossOriginWriteError(message), scope, receive, send)
+        else:
+            await self.app(scope, receive, send)
 
     def _foreign(self, headers: Headers) -> bool:
         origin = headers.get("origin")

@@ -114,22 +114,16 @@ def standing(session: Session | Connection) -> Standing:
     state, latest = schema_state(session), latest_revision()
     at = f"The database is at migration {state.revision}"
     if state.revision is None or (state.revision != latest and is_known(state.revision)):
-        return Standing(
-            state.revision, False, sentence=f"{at}, this program needs {latest}: run `versant migrate`."
-        )
-    if state.revision != latest:
-        if state.oldest_program is not None and is_known(state.oldest_program):
-            serves = f"{at}, newer than this program's {latest}, which it still serves."
-            return Standing(state.revision, True, newer=True, sentence=serves)
-        late = f"{at} and serves no program as old as this one, of {latest}: update the program."
-        return Standing(state.revision, False, newer=True, sentence=late)
-    if state.queue_waits:
-        return Standing(
-            state.revision,
-            False,
-            sentence="The queue's schema is older than its program: run `versant migrate`.",
-        )
-    return Standing(state.revision, True)
+        late = f"{at}, this program needs {latest}: run `versant migrate`."
+        return Standing(state.revision, False, sentence=late)
+    if state.revision == latest:
+        queue = "The queue's schema is older than its program: run `versant migrate`."
+        return Standing(latest, not state.queue_waits, sentence=queue if state.queue_waits else "")
+    if state.oldest_program is not None and is_known(state.oldest_program):
+        serves = f"{at}, newer than this program's {latest}, which it still serves."
+        return Standing(state.revision, True, newer=True, sentence=serves)
+    late = f"{at} and serves no program as old as this one, of {latest}: update the program."
+    return Standing(state.revision, False, newer=True, sentence=late)
 
 
 def oldest_program(migration: ModuleType) -> str:

@@ -17,6 +17,7 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
+from starlette.types import Receive, Scope, Send
 
 from app.core.disconnects import client_left
 from app.core.errors import (
@@ -80,18 +81,20 @@ def problem_response(
     headers: Mapping[str, str] | None = None,
 ) -> JSONResponse:
     """The problem document as a response."""
-    problem = _document(kind, detail, request.url.path, errors)
+    problem = problem_document(kind, detail, request.url.path, errors)
     again = kind.status == 503 or kind is KINDS[NotDoneError]
     waiting = {"Retry-After": str(RETRY_AFTER_S)} if again else {}
     return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
 
 
-def problem_text(kind: Kind, detail: str, instance: str) -> str:
-    """The document as JSON, for what is refused before it is a request."""
-    return _document(kind, detail, instance).model_dump_json()
+async def refuse(error: ServiceError, scope: Scope, receive: Receive, send: Send, **headers: str) -> None:
+    """Answer a request by an error that was found out before any route was asked."""
+    answer = problem_response(Request(scope), kind_of(error), str(error), headers=headers)
+    await answer(scope, receive, send)
 
 
-def _document(kind: Kind, detail: str, instance: str, errors: Sequence[FieldError] = ()) -> Problem:
+def problem_document(kind: Kind, detail: str, instance: str, errors: Sequence[FieldError] = ()) -> Problem:
+    """The document, which repeats no more than so much of a request."""
     return Problem(
         type=PROBLEM_PATH + kind.slug,
         title=kind.title,

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from app.demo.baselines import feature_key
-from app.demo.run import DemoResult
+from app.demo.run import DemoResult, feature_key
 from app.demo.score import Score
 from app.map.picture.slope_map import MapSegments
 

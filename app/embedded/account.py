@@ -50,8 +50,8 @@ class Account:
             extra_groups=() if dropping else None,
         )
 
-    def own(self, path: Path) -> None:
-        """Give a folder or file to this account."""
+    def own(self, path: Path | int) -> None:
+        """Give a folder or file, or one that is open, to this account."""
         if self.uid is not None and self.gid is not None:
             os.chown(path, self.uid, self.gid)
 

@@ -6,28 +6,18 @@ import os
 import shutil
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 from urllib.parse import quote
 
 from app.core import databases
 from app.core.settings.places import SQLALCHEMY_SCHEME
+from app.embedded import data_folder
 from app.embedded.account import Account, account_for, with_access
 from app.embedded.binaries import find_binaries
-from app.embedded.data_folder import (
-    SUPERUSER,
-    existing_major,
-    initialise,
-    last_lines,
-    own_folder,
-    write_settings,
-)
 from app.embedded.errors import EmbeddedPostgresError
-from app.embedded.locks import FileLock
-from app.embedded.postmaster import Postmaster, remove_stale_lock, running_postmaster
-from app.embedded.sockets import PORT, clear_sockets, prepare_socket_dir
+from app.embedded.locks import FileLock, wait_until
+from app.embedded.postmaster import Postmaster, running_postmaster
 
 START_TIMEOUT_S = 120.0
 """Also how long another program may take that is starting or stopping the same server."""
@@ -56,7 +46,8 @@ class EmbeddedPostgres:
         """Nothing is touched before ``start``."""
         self._cluster = Path(data_dir).expanduser().resolve() / "postgres"
         self._data = self._cluster / "data"
-        self._log = self._cluster / "postgres.log"
+        self.log_path = self._cluster / "postgres.log"
+        """The server's log."""
         self._durable = durable
         self._database = database
         self._usage: FileLock | None = None
@@ -72,12 +63,7 @@ class EmbeddedPostgres:
         if self._socket_dir is None:
             raise EmbeddedPostgresError("The embedded PostgreSQL has not been started.")
         host = quote(str(self._socket_dir), safe="/")
-        return f"{SQLALCHEMY_SCHEME}{SUPERUSER}@/{quote(database)}?host={host}&port={PORT}"
-
-    @property
-    def log_path(self) -> Path:
-        """The server's log."""
-        return self._log
+        return f"{SQLALCHEMY_SCHEME}{data_folder.SUPERUSER}@/{quote(database)}?host={host}&port={data_folder.PORT}"
 
     def is_running(self) -> bool:
         """Whether a server runs on the folder and takes connections, whoever started it."""
@@ -88,7 +74,7 @@ class EmbeddedPostgres:
         """Make sure that the server runs and the database exists; raises ``EmbeddedPostgresError``."""
         if self._usage is not None:
             return self
-        account = own_folder(self._cluster)
+        account = data_folder.own_folder(self._cluster)
         with self._starting_or_stopping(account):
             self._usage = FileLock.shared(self._cluster / "users.lock", account)
             try:
@@ -132,9 +118,7 @@ class EmbeddedPostgres:
     def __enter__(self) -> Self:
         return self.start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def _starting_or_stopping(self, account: Account) -> FileLock:
@@ -153,7 +137,7 @@ class EmbeddedPostgres:
 
     def _await_server(self) -> Postmaster | None:
         """The running server once it is ready, or None if there is none or it is one that shuts down."""
-        _wait_until(lambda: (s := running_postmaster(self._data)) is None or s.ready, START_TIMEOUT_S)
+        wait_until(lambda: (s := running_postmaster(self._data)) is None or s.ready, START_TIMEOUT_S)
         server = running_postmaster(self._data)
         if server is None:
             return None
@@ -169,28 +153,22 @@ class EmbeddedPostgres:
         return server
 
     def _launch(self, account: Account) -> None:
-        major = existing_major(self._data)
+        major = data_folder.existing_major(self._data)
         binaries = find_binaries(major)
         if major is None:
-            initialise(self._cluster, account, binaries.path("initdb"), durable=self._durable)
-        socket_dir = prepare_socket_dir(self._cluster, account)
+            data_folder.initialise(self._cluster, account, binaries.path("initdb"), durable=self._durable)
+        socket_dir = data_folder.prepare_socket_dir(self._cluster, account)
         account = with_access(account, [self._cluster, socket_dir])
-        remove_stale_lock(self._data)
-        clear_sockets(socket_dir)
-        write_settings(self._data, account, socket_dir, durable=self._durable)
+        # No server runs here. PostgreSQL removes its lock file itself when the pid there is free, but not when another
+        # program of the same user has it. What outlives a killed server is still noticed, by its shared memory.
+        (self._data / "postmaster.pid").unlink(missing_ok=True)
+        data_folder.clear_sockets(socket_dir)
+        data_folder.write_settings(self._data, account, socket_dir, durable=self._durable)
         self._rotate_log()
         deadline = time.monotonic() + START_TIMEOUT_S
         # PGDATA and a relative log: pg_ctl passes both options through a shell without proper quoting.
-        command = [
-            binaries.path("pg_ctl"),
-            "start",
-            "-w",
-            "-s",
-            "-t",
-            f"{START_TIMEOUT_S:.0f}",
-            "-l",
-            self._log.name,
-        ]
+        options = ("-w", "-s", "-t", f"{START_TIMEOUT_S:.0f}", "-l", self.log_path.name)
+        command = [binaries.path("pg_ctl"), "start", *options]
         while account.run(command, cwd=self._cluster, PGDATA=str(self._data)).returncode != 0:
             words = self._last_words()
             if _STILL_LEAVING not in words or time.monotonic() > deadline:
@@ -215,7 +193,7 @@ class EmbeddedPostgres:
                 os.kill(server.pid, how)
             except ProcessLookupError:
                 break
-            if _wait_until(lambda: running_postmaster(self._data) is None, patience_s):
+            if wait_until(lambda: running_postmaster(self._data) is None, patience_s):
                 break
         else:
             raise EmbeddedPostgresError(
@@ -225,25 +203,16 @@ class EmbeddedPostgres:
             shutil.rmtree(server.socket_dir, ignore_errors=True)
 
     def _rotate_log(self) -> None:
-        if self._log.exists() and self._log.stat().st_size > LARGEST_LOG_BYTES:
-            self._log.replace(self._log.with_suffix(".log.1"))
+        if self.log_path.exists() and self.log_path.stat().st_size > LARGEST_LOG_BYTES:
+            self.log_path.replace(self.log_path.with_suffix(".log.1"))
 
     def _last_words(self) -> str:
         try:
-            words = last_lines(self._log.read_text(errors="replace"))
+            words = data_folder.last_lines(self.log_path.read_text(errors="replace"))
         except OSError:
             words = "(nothing)"
-        return f"The end of its log, {self._log}: {words}"
+        return f"The end of its log, {self.log_path}: {words}"
 
 
 def _has_socket(server: Postmaster) -> bool:
-    return (server.socket_dir / f".s.PGSQL.{PORT}").exists()
-
-
-def _wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.02)
-    return True
+    return (server.socket_dir / f".s.PGSQL.{data_folder.PORT}").exists()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import fcntl
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from app.embedded.account import Account
@@ -26,8 +26,7 @@ class FileLock:
                 f"The lock file {path} cannot be opened: {error.strerror}. Start Versant as the user "
                 "who started it first."
             ) from error
-        if account.uid is not None and account.gid is not None:
-            os.fchown(self._handle, account.uid, account.gid)
+        account.own(self._handle)
 
     @classmethod
     def shared(cls, path: Path, account: Account) -> Self:
@@ -40,15 +39,12 @@ class FileLock:
     def exclusive(cls, path: Path, account: Account, timeout_s: float) -> Self:
         """The only holder; waits for the others, at most ``timeout_s``."""
         lock = cls(path, account)
-        deadline = time.monotonic() + timeout_s
-        while not lock.try_exclusive():
-            if time.monotonic() > deadline:
-                lock.release()
-                raise EmbeddedPostgresError(
-                    f"Another program has been starting or stopping this database for {timeout_s:.0f} s (it "
-                    f"holds {path}). End that program and try again."
-                )
-            time.sleep(0.05)
+        if not wait_until(lock.try_exclusive, timeout_s):
+            lock.release()
+            raise EmbeddedPostgresError(
+                f"Another program has been starting or stopping this database for {timeout_s:.0f} s (it "
+                f"holds {path}). End that program and try again."
+            )
         return lock
 
     def try_exclusive(self) -> bool:
@@ -66,7 +62,15 @@ class FileLock:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.release()
+
+
+def wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
+    """Ask again and again; whether it held in time."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True

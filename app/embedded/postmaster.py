@@ -36,15 +36,6 @@ def running_postmaster(data: Path) -> Postmaster | None:
     return Postmaster(pid, socket_dir, ready)
 
 
-def remove_stale_lock(data: Path) -> None:
-    """Delete ``postmaster.pid``; only for a caller that found no running server.
-
-    PostgreSQL does so by itself when the pid is free, but not when another program of the same user has it.
-    Server processes that outlive a killed postmaster are still noticed, by their shared memory.
-    """
-    (data / "postmaster.pid").unlink(missing_ok=True)
-
-
 def _serves(pid: int, data: Path) -> bool:
     if pid <= 0 or not _alive(pid):
         return False

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, plain_json
 from app.core.settings import Settings
-from app.core.tables import exports as tables
+from app.core.tables import requests as tables
 from app.exports.documents import Export
 from app.jobs.requests.store import NOW, RequestStore
 from app.jobs.task import Kind

@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 from app.core.db import plain_json
 from app.core.errors import BusyError
 from app.core.settings import Settings
-from app.core.tables import operations as tables
+from app.core.tables import requests as tables
 from app.jobs.requests.store import NOW, RequestStore
 from app.jobs.task import Kind as JobKind
 from app.operations.documents import PLANNED_FIRST, Operation, Status

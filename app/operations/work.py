@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from app.core.tables import operations as tables
+from app.core.tables import requests as tables
 from app.jobs.requests.run import RequestRun
 from app.network.locks import roads_change
 from app.network.settle import settle_network

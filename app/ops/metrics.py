@@ -3,22 +3,15 @@ workers and imports have counted (``app.core.telemetry``)."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Histogram
+from prometheus_client import metrics_core as families
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
-from prometheus_client.metrics_core import (
-    CounterMetricFamily,
-    GaugeMetricFamily,
-    HistogramMetricFamily,
-    Metric,
-)
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.tables import DRIVE_STATUSES
 from app.core.telemetry.ledger import totals_of_all
@@ -72,36 +65,8 @@ def metrics(request: Request) -> Response:
     """Requests by route and status with their durations, drives by status, the queue, and what workers count and time:
     stages of drives, solutions, waits for locks, failures by kind, imports.
     """
-    figures: Metrics = request.app.state.metrics
-    return Response(figures.exposition(), headers={"Content-Type": CONTENT_TYPE_LATEST})
-
-
-class MetricsMiddleware:
-    """Counts and times every request by method, route template and status."""
-
-    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
-        self.app = app
-        self.metrics = metrics
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Observe one request; the time ends with the last byte of the answer."""
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
-        status, started = 500, time.perf_counter()
-
-        async def seen(message: Message) -> None:
-            nonlocal status
-            if message["type"] == "http.response.start":
-                status = message["status"]
-            await send(message)
-
-        try:
-            await self.app(scope, receive, seen)
-        finally:
-            # The template and not the path: a series per drive would never end.
-            template = getattr(scope.get("route"), "path", "(no route)")
-            self.metrics.observe(scope["method"], template, status, time.perf_counter() - started)
+    exposition = generate_latest(request.app.state.metrics.registry)
+    return Response(exposition, headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 
 class Metrics:
@@ -126,10 +91,6 @@ class Metrics:
         verb = method if method in METHODS else "other"  # anyone can invent methods, and each is a series
         self._requests.labels(verb, route, str(status)).inc()
         self._seconds.labels(verb, route).observe(seconds)
-
-    def exposition(self) -> bytes:
-        """The text that Prometheus scrapes."""
-        return generate_latest(self.registry)
 
 
 @dataclass(frozen=True)
@@ -166,25 +127,27 @@ class _DatabaseCollector(Collector):
     def __init__(self, read_gauges: Callable[[], Gauges | None]) -> None:
         self._read = read_gauges
 
-    def describe(self) -> list[Metric]:
+    def describe(self) -> list[families.Metric]:
         """Nothing: the registry would otherwise read the database at registration."""
         return []
 
-    def collect(self) -> Iterator[Metric]:
+    def collect(self) -> Iterator[families.Metric]:
         """The figures of this moment; only ``versant_database_up 0`` while there is no database."""
         gauges = self._read()
-        yield GaugeMetricFamily(
+        yield families.GaugeMetricFamily(
             "versant_database_up", "1 while the database answers.", value=float(gauges is not None)
         )
         if gauges is None:
             return
-        drives = GaugeMetricFamily("versant_drives", "Drives by status.", labels=LABELS["versant_drives"])
+        drives = families.GaugeMetricFamily(
+            "versant_drives", "Drives by status.", labels=LABELS["versant_drives"]
+        )
         for status in DRIVE_STATUSES:
             drives.add_metric([status], gauges.drives_by_status.get(status, 0))
         yield drives
         for name, meaning in GAUGES.items():
-            yield GaugeMetricFamily(f"versant_{name}", meaning, value=gauges.plain[name])
-        failed = GaugeMetricFamily(
+            yield families.GaugeMetricFamily(f"versant_{name}", meaning, value=gauges.plain[name])
+        failed = families.GaugeMetricFamily(
             "versant_failures",
             "Drives that are failed now, by the kind of the failure.",
             labels=LABELS["versant_failures"],
@@ -195,15 +158,15 @@ class _DatabaseCollector(Collector):
         yield from (_family(measure, gauges.totals) for measure in MEASURES)
 
 
-def _family(measure: Measure, totals: Totals) -> Metric:
+def _family(measure: Measure, totals: Totals) -> families.Metric:
     """What all processes have counted of one measure."""
     series = measure.series(totals)
     if not measure.buckets:
-        counter = CounterMetricFamily(measure.name, measure.meaning, labels=measure.labels)
+        counter = families.CounterMetricFamily(measure.name, measure.meaning, labels=measure.labels)
         for values, parts in series.items():
             counter.add_metric(values, parts[""])
         return counter
-    histogram = HistogramMetricFamily(measure.name, measure.meaning, labels=measure.labels)
+    histogram = families.HistogramMetricFamily(measure.name, measure.meaning, labels=measure.labels)
     for values, parts in series.items():
         histogram.add_metric(values, *measure.cumulative(parts))
     return histogram

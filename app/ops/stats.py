@@ -190,12 +190,5 @@ def _unsolved(row: Row[Any]) -> UnsolvedSquare:
         "killed usually ran out of memory. Workers retry automatically, at least once an hour. To retry at once, "
         "delete a drive that lies here (versant drives delete ID) or process it again."
     )
-    return UnsolvedSquare(
-        cell=cell_name(row.cell),
-        bbox=cell_bounds(row.cell),
-        solvers=row.solvers,
-        since=row.since,
-        next_at=row.next_at,
-        drives=sorted(row.drives),
-        advice=advice,
-    )
+    shown = {"cell": cell_name(row.cell), "bbox": cell_bounds(row.cell), "drives": sorted(row.drives)}
+    return UnsolvedSquare(**{**row._mapping, **shown}, advice=advice)

@@ -31,7 +31,8 @@ from app.map.heights.road_heights import heights_of
 from app.map.heights.store import roads_near
 from app.map.statistics import figures
 from app.network.cells import raise_versions
-from app.ops.admin.queries import QUERIES, Parameters
+from app.ops.admin.queries import QUERIES
+from app.ops.admin.store import Parameters
 
 READS = 11
 PLACES = 512

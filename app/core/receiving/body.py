@@ -9,12 +9,12 @@ callbacks for headers, but is one more dependency, and malformed bodies would ge
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from email.message import Message
 from email.utils import collapse_rfc2231_value
 from itertools import groupby
 from pathlib import PurePosixPath
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 from urllib.parse import unquote
 
 from python_multipart.exceptions import FormParserError
@@ -49,21 +49,6 @@ def joined(pieces: Iterable[Piece]) -> list[Piece]:
     ]
 
 
-class UploadSource(Protocol):
-    """Where the files' bytes come from."""
-
-    envelope_bytes: int
-    """How many bytes the body may be longer than the files."""
-
-    def feed(self, chunk: bytes) -> list[Piece]:
-        """Take the next bytes of the body; return those of files among them, in their order."""
-        ...
-
-    def finish(self) -> None:
-        """The body has ended; ``BadRequestError`` when it is not complete."""
-        ...
-
-
 def upload_source(headers: Headers, query: QueryParams) -> UploadSource:
     """How to read the body that these headers announce; ``UnsupportedBodyError`` where there is no way.
 
@@ -92,16 +77,17 @@ class RawBody:
     """The body is the file."""
 
     envelope_bytes = 0
+    """How many bytes the body may be longer than the files."""
 
     def __init__(self, filename: str) -> None:
         self._filename = filename
 
     def feed(self, chunk: bytes) -> list[Piece]:
-        """All of it."""
+        """Take the next bytes of the body; return those of files among them, in their order: here all."""
         return [Piece(0, self._filename, chunk)]
 
     def finish(self) -> None:
-        """Always complete: the server itself checks the length."""
+        """The body has ended, always complete: the server itself checks the length."""
 
 
 class MultipartBody:
@@ -117,8 +103,10 @@ class MultipartBody:
         self._headers: dict[bytes, bytes] = {}
         self._pieces: list[Piece] = []
         self._passed_over = 0
+        # What follows the underscore of a method is the parser's name of what it is called for.
+        callbacks: Any = {name[1:]: getattr(self, name) for name in dir(self) if name.startswith("_on_")}
         try:
-            self._parser = MultipartParser(boundary, self._callbacks())  # type: ignore[arg-type]
+            self._parser = MultipartParser(boundary, callbacks)
         except FormParserError as error:
             raise BadRequestError(
                 f"The multipart body cannot be read: {error}.", field="Content-Type"
@@ -145,18 +133,6 @@ class MultipartBody:
                 f"(curl -F {FIELD}=@LOG), or as the body itself.",
                 field=FIELD,
             )
-
-    def _callbacks(self) -> dict[str, Callable[..., None]]:
-        return {
-            "on_part_begin": self._on_part_begin,
-            "on_header_field": self._on_header_field,
-            "on_header_value": self._on_header_value,
-            "on_header_end": self._on_header_end,
-            "on_headers_finished": self._on_headers_finished,
-            "on_part_data": self._on_part_data,
-            "on_part_end": self._on_part_end,
-            "on_end": self._on_end,
-        }
 
     def _on_part_begin(self) -> None:
         self._headers, self._inside = {}, False
@@ -201,6 +177,10 @@ class MultipartBody:
 
     def _on_end(self) -> None:
         self._complete = True
+
+
+UploadSource = RawBody | MultipartBody
+"""Where the files' bytes come from."""
 
 
 def clean_filename(name: str) -> str:

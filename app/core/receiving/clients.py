@@ -17,7 +17,7 @@ from ipaddress import IPv4Address, IPv6Address, ip_address, ip_network
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from app.core.settings.front import Network
+from app.core.settings import Network
 
 CLIENT_PREFIX = 64
 """Of IPv6: a client that has one address has all 2^64 of its network."""

@@ -13,13 +13,12 @@ import resource
 import time
 from typing import Any
 
-from fastapi import Request
 from starlette.types import Receive, Scope, Send
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from app.core.errors import KINDS, BusyError, HeadTooLargeError, Kind, SlowClientError
 from app.core.middleware import FOR_PROBES
-from app.core.problems import PROBLEM_JSON, problem_response, problem_text
+from app.core.problems import PROBLEM_JSON, problem_document, refuse
 from app.core.receiving.clients import Shares, client_of, is_within
 from app.core.settings import Settings
 
@@ -243,7 +242,7 @@ class BoundedProtocol(HttpToolsProtocol):
                 timer.cancel()
 
     def _refuse(self, kind: Kind, detail: str) -> None:
-        body = problem_text(kind, detail, instance="").encode()
+        body = problem_document(kind, detail, instance="").model_dump_json().encode()
         head = f"HTTP/1.1 {kind.status} {kind.title}\r\ncontent-type: {PROBLEM_JSON}\r\nconnection: close\r\n"
         self.transport.write(f"{head}content-length: {len(body)}\r\n\r\n".encode() + body)
         self.transport.close()
@@ -253,8 +252,7 @@ class BoundedProtocol(HttpToolsProtocol):
             await self.config.loaded_app(scope, receive, send)
             return
         message = "As many connections as one client may have are at work already. Try again in a moment."
-        answer = problem_response(Request(scope), KINDS[BusyError], message, headers={"Connection": "close"})
-        await answer(scope, receive, send)
+        await refuse(BusyError(message), scope, receive, send, Connection="close")
 
 
 class _RefusedError(Exception):

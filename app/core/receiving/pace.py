@@ -5,14 +5,13 @@ from __future__ import annotations
 import asyncio
 import time
 
-from fastapi import Request
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.disconnects import CLIENT_GONE, has_body
-from app.core.errors import KINDS, BodyTooLargeError, Kind, SlowClientError
+from app.core.errors import BodyTooLargeError, SlowClientError
 from app.core.middleware import CHANGING, UPLOAD_PATHS
-from app.core.problems import problem_response
+from app.core.problems import refuse
 
 SMALL_BODY_BYTES = 64 * 1024
 """Far above any JSON that a route takes."""
@@ -46,20 +45,16 @@ class Bodies:
                 body = await _read_body(receive)
         except TimeoutError:
             message = f"The body was not whole within {self._body_timeout_s:g} s. Send it again."
-            await _refuse(scope, receive, send, KINDS[SlowClientError], message)
+            await refuse(SlowClientError(message), scope, receive, send)
             return
         if body is None:
             await send({"type": "http.response.start", "status": CLIENT_GONE, "headers": []})
             await send({"type": "http.response.body", "body": b""})
         elif len(body) > SMALL_BODY_BYTES:
             message = f"The body is larger than {SMALL_BODY_BYTES} bytes. Send less."
-            await _refuse(scope, receive, send, KINDS[BodyTooLargeError], message)
+            await refuse(BodyTooLargeError(message), scope, receive, send)
         else:
             await self.app(scope, _replayed(body, receive), send)
-
-
-async def _refuse(scope: Scope, receive: Receive, send: Send, kind: Kind, message: str) -> None:
-    await problem_response(Request(scope), kind, message)(scope, receive, send)
 
 
 async def _read_body(receive: Receive) -> bytes | None:

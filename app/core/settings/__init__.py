@@ -1,7 +1,7 @@
 """The service's settings: environment variables that begin with ``VERSANT_``.
 
 Nothing is read at import. A program reads them once, by ``get_settings()``, and hands the object on; tests
-build ``Settings(...)`` themselves. Every field carries its unit, its default and a sentence.
+build ``Settings(...)`` themselves. Every field carries its unit, its default and, below it, its description for users.
 """
 
 from __future__ import annotations
@@ -9,16 +9,20 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import lru_cache
+from ipaddress import IPv4Network, IPv6Network, ip_network
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_settings import SettingsConfigDict
 
-from app.core.settings.front import Front, listed
-from app.core.settings.places import GIB
+from app.core.settings.places import GIB, Places
 from fusion.errors import FusionError
 
 ENV_PREFIX = "VERSANT_"
+ANY_ORIGIN = "*"
+_ORIGIN = re.compile(r"https?://[^/?#@\s,]+")
+
+Network = IPv4Network | IPv6Network
 
 
 class SettingsError(FusionError):
@@ -41,238 +45,206 @@ def _login_url(url: str) -> str:
     return url
 
 
+def listed(text: str | None) -> tuple[str, ...]:
+    """The names in a setting that separates them by commas."""
+    return tuple(name.strip() for name in (text or "").split(",") if name.strip())
+
+
+def _origins(text: str) -> str:
+    for origin in listed(text):
+        if origin != ANY_ORIGIN and not _ORIGIN.fullmatch(origin):
+            raise ValueError(
+                "each origin must be scheme and host, with a port where it has one, such as https://map.example, "
+                "or * for any"
+            )
+    return text.lower()
+
+
+def _networks(text: str) -> str:
+    for network in listed(text):
+        try:
+            ip_network(network)
+        except ValueError:
+            raise ValueError(
+                "each must be an IP address, or a network such as 10.0.0.0/8 without bits beyond its prefix"
+            ) from None
+    return text
+
+
 HttpUrlText = Annotated[str, AfterValidator(_http_url)]
 LoginUrlText = Annotated[str, AfterValidator(_login_url)]
 Zoom = Annotated[int, Field(ge=0, le=24)]
 
 
-class Settings(Front):
+class Settings(Places):
     """All settings of the service; frozen. An empty variable counts as unset."""
 
     model_config = SettingsConfigDict(
         env_prefix=ENV_PREFIX, env_ignore_empty=True, frozen=True, extra="forbid"
     )
 
-    # The API
-    host: str = Field(
-        "127.0.0.1",
-        description="Address that the API listens on. There is no access control yet, so by default "
-        "only this machine reaches it.",
-    )
-    port: int = Field(8000, ge=0, le=65535, description="TCP port of the API; 0 lets the system choose.")
-    public_url: HttpUrlText | None = Field(
-        None,
-        description="Address under which people reach the API, used in links; unset: that of the request.",
-    )
-    server: HttpUrlText = Field(
-        "http://127.0.0.1:8000", description="Address of the API that `versant upload` sends logs to."
-    )
-    max_upload_bytes: int = Field(
-        GIB, ge=1, description="Largest upload accepted, bytes as sent; a larger one is answered by 413."
-    )
-    max_import_bytes: int = Field(
-        8 * GIB,
-        ge=1,
-        description="Largest file of roads or elevation that the API takes, bytes as sent, where a larger one is "
-        "answered by 413, and unpacked.",
-    )
-    imports_kept_bytes: int = Field(
-        32 * GIB,
-        ge=1,
-        description="What files of operations that wait, run or are planned may take of the store, bytes; one more is "
-        "answered by 503.",
-    )
-    max_raster_posts: int = Field(
-        4_000_000_000,
-        ge=1,
-        description="Most posts (rows times columns) of an elevation raster that the API takes; the command line takes "
-        "more.",
-    )
-    items_limit_default: int = Field(100, ge=1, description="Items per page when a request names no limit.")
-    items_limit_max: int = Field(
-        10_000, ge=1, description="Most items per page; a larger limit is reduced to it."
-    )
-    items_timeout_s: float = Field(
-        5.0, ge=0.001, le=3600, description="Seconds for searching and sorting items; longer is a 400."
-    )
-    tile_features_max: int = Field(
-        5000, ge=1, description="Most segments in a GeoJSON tile; a link leads to the next ones."
-    )
-    events_poll_s: float = Field(
-        10.0,
-        gt=0,
-        le=60,
-        description="Seconds after which drives whose events are followed are looked at though the database told of "
-        "no change.",
-    )
-    events_max: int = Field(
-        800,
-        ge=1,
-        description="Event streams that one process serves at once, of drives and of the map; one more is answered by "
-        "503.",
-    )
-    tile_min_zoom: Zoom = Field(6, description="Lowest zoom level with tiles; further out a tile is empty.")
-    tile_full_zoom: Zoom = Field(
-        13, description="Zoom level from which tiles hold every road; further out only driven or major roads."
-    )
-    tile_max_zoom: Zoom = Field(
-        18, description="Highest zoom level with tiles; a map enlarges those beyond it."
-    )
-    tile_max_age_s: int = Field(
-        0,
-        ge=0,
-        le=31_536_000,
-        description="Seconds for which caches may answer a vector tile unasked; 0: they ask.",
-    )
-    tile_stale_s: int = Field(
-        600,
-        ge=0,
-        le=31_536_000,
-        description="Seconds more in which they may while they fetch the new one, where TILE_MAX_AGE_S is set.",
-    )
-    tile_memory_bytes: int = Field(
-        64 * 2**20, ge=0, description="Compressed vector tiles that one process keeps in memory, bytes."
-    )
-    tiles_stored_bytes: int = Field(
-        2 * GIB,
-        ge=0,
-        description="Compressed vector tiles in the database, bytes; those asked for last stay.",
-    )
+    # Before every route of the API: whom it believes, and what one client may hold of it
+    cors_origins: Annotated[str, AfterValidator(_origins)] | None = None
+    """Origins, separated by commas, whose pages may read the map (not the drives) from a visitor's browser, such as
+    https://map.example; * for any. Unset: none."""
+    trusted_proxies: Annotated[str, AfterValidator(_networks)] | None = None
+    """Addresses and networks, separated by commas, of proxies in front of the API: from these alone X-Forwarded-For and
+    X-Forwarded-Proto are believed. Unset: none."""
+    connections_max: int = Field(2000, ge=10, le=1_000_000)
+    """Connections that one API process holds at once; fewer where the system allows fewer open files."""
+    connections_per_client: int = Field(400, ge=1)
+    """Connections that one client holds at once (an IPv4 address, a /64 of IPv6); trusted proxies are not counted."""
+    events_per_client: int = Field(100, ge=1)
+    """Event streams that one client holds at once; one more is answered by 503."""
+    head_timeout_s: float = Field(10.0, gt=0, le=3600)
+    """Seconds in which a connection has to send the whole head of a request; then it is closed."""
+    body_timeout_s: float = Field(10.0, gt=0, le=3600)
+    """Seconds in which the body of a request has to be whole, but for uploads and imports; then 408."""
+    upload_stall_s: float = Field(30.0, gt=0, le=3600)
+    """Seconds in which an upload or import has to bring 1000 bytes for each of them; then 408."""
 
-    map_background_url: HttpUrlText | None = Field(
-        None,
-        description="A MapLibre style that the map page draws below the roads; its host, and no other, is then asked "
-        "for it by browsers. None: the roads stand on a plain ground.",
-    )
-    login_url: LoginUrlText | None = Field(
-        None,
-        description="Where pages send whoever is answered 401, with the address to come back to as return_to: a path "
-        "of this service's own host or an address, of whatever stands in front of the service and checks who asks.",
-    )
-    allowed_hosts: str | None = Field(
-        None,
-        description="Host names, separated by commas, under which the API answers besides loopback, the address that "
-        "it listens on and that of public_url; * for any, where something in front of it checks them.",
-    )
-    statement_timeout_s: float = Field(
-        20.0, ge=0.001, le=3600, description="Seconds that one statement of a request may take; then 503."
-    )
-    lock_timeout_s: float = Field(
-        2.0, ge=0.001, le=3600, description="Seconds that a request waits for one lock; then 503."
-    )
-    pool_timeout_s: float = Field(
-        3.0, gt=0, le=3600, description="Seconds that a request waits for a database connection; then 503."
-    )
-    pictures_kept: int = Field(
-        1000, ge=0, description="Pictures of profiles that are kept, so that they are drawn once."
-    )
-    pictures_waiting: int = Field(
-        100,
-        ge=0,
-        description="Requests for pictures that may wait for one that is drawn, half of them one client's; one more is "
-        "answered by 503.",
-    )
+    # The API
+    host: str = "127.0.0.1"
+    """Address that the API listens on. There is no access control yet, so by default only this machine reaches it."""
+    port: int = Field(8000, ge=0, le=65535)
+    """TCP port of the API; 0 lets the system choose."""
+    public_url: HttpUrlText | None = None
+    """Address under which people reach the API, used in links; unset: that of the request."""
+    server: HttpUrlText = "http://127.0.0.1:8000"
+    """Address of the API that `versant upload` sends logs to."""
+    max_upload_bytes: int = Field(GIB, ge=1)
+    """Largest upload accepted, bytes as sent; a larger one is answered by 413."""
+    max_import_bytes: int = Field(8 * GIB, ge=1)
+    """Largest file of roads or elevation that the API takes, bytes as sent, where a larger one is answered by 413, and
+    unpacked."""
+    imports_kept_bytes: int = Field(32 * GIB, ge=1)
+    """What files of operations that wait, run or are planned may take of the store, bytes; one more is answered by
+    503."""
+    max_raster_posts: int = Field(4_000_000_000, ge=1)
+    """Most posts (rows times columns) of an elevation raster that the API takes; the command line takes more."""
+    items_limit_default: int = Field(100, ge=1)
+    """Items per page when a request names no limit."""
+    items_limit_max: int = Field(10_000, ge=1)
+    """Most items per page; a larger limit is reduced to it."""
+    items_timeout_s: float = Field(5.0, ge=0.001, le=3600)
+    """Seconds for searching and sorting items; longer is a 400."""
+    tile_features_max: int = Field(5000, ge=1)
+    """Most segments in a GeoJSON tile; a link leads to the next ones."""
+    events_poll_s: float = Field(10.0, gt=0, le=60)
+    """Seconds after which drives whose events are followed are looked at though the database told of no change."""
+    events_max: int = Field(800, ge=1)
+    """Event streams that one process serves at once, of drives and of the map; one more is answered by 503."""
+    tile_min_zoom: Zoom = 6
+    """Lowest zoom level with tiles; further out a tile is empty."""
+    tile_full_zoom: Zoom = 13
+    """Zoom level from which tiles hold every road; further out only driven or major roads."""
+    tile_max_zoom: Zoom = 18
+    """Highest zoom level with tiles; a map enlarges those beyond it."""
+    tile_max_age_s: int = Field(0, ge=0, le=31_536_000)
+    """Seconds for which caches may answer a vector tile unasked; 0: they ask."""
+    tile_stale_s: int = Field(600, ge=0, le=31_536_000)
+    """Seconds more in which they may while they fetch the new one, where TILE_MAX_AGE_S is set."""
+    tile_memory_bytes: int = Field(64 * 2**20, ge=0)
+    """Compressed vector tiles that one process keeps in memory, bytes."""
+    tiles_stored_bytes: int = Field(2 * GIB, ge=0)
+    """Compressed vector tiles in the database, bytes; those asked for last stay."""
+
+    map_background_url: HttpUrlText | None = None
+    """A MapLibre style that the map page draws below the roads; its host, and no other, is then asked for it by
+    browsers. None: the roads stand on a plain ground."""
+    login_url: LoginUrlText | None = None
+    """Where pages send whoever is answered 401, with the address to come back to as return_to: a path of this service's
+    own host or an address, of whatever stands in front of the service and checks who asks."""
+    allowed_hosts: str | None = None
+    """Host names, separated by commas, under which the API answers besides loopback, the address that it listens on and
+    that of public_url; * for any, where something in front of it checks them."""
+    statement_timeout_s: float = Field(20.0, ge=0.001, le=3600)
+    """Seconds that one statement of a request may take; then 503."""
+    lock_timeout_s: float = Field(2.0, ge=0.001, le=3600)
+    """Seconds that a request waits for one lock; then 503."""
+    pool_timeout_s: float = Field(3.0, gt=0, le=3600)
+    """Seconds that a request waits for a database connection; then 503."""
+    pictures_kept: int = Field(1000, ge=0)
+    """Pictures of profiles that are kept, so that they are drawn once."""
+    pictures_waiting: int = Field(100, ge=0)
+    """Requests for pictures that may wait for one that is drawn, half of them one client's; one more is answered by
+    503."""
 
     # The worker
-    worker_concurrency: int | None = Field(
-        None,
-        ge=1,
-        le=256,
-        description="Drives that `versant worker` and `versant up` compute at once, each in a process of its own; "
-        "unset: as many as there are cores, as far as memory goes (1 GiB each), at most 8.",
-    )
-    lane_memory_bytes: int = Field(
-        3 * GIB,
-        ge=512 * 2**20,
-        description="Memory that one of these processes may ask for beyond what it begins with, bytes, about twice of "
-        "what it then uses; a drive that needs more fails (Linux).",
-    )
-    grace_s: float = Field(
-        10.0,
-        gt=0,
-        le=3600,
-        description="Seconds in which a worker ends that is asked to stop: for half of them its drive goes on, then it "
-        "goes back into the queue.",
-    )
-    webhook_private: bool = Field(
-        False,
-        description="Whether webhooks may call addresses of this machine and of private networks, and by plain http: "
-        "whoever reaches the API could then make the service call what only it reaches.",
-    )
-    webhook_timeout_s: float = Field(
-        10.0, gt=0, le=30, description="Seconds in which a webhook's receiver has to answer."
-    )
-    webhook_patience_days: float = Field(
-        3.0, gt=0, le=30, description="Days of failures after which a webhook is switched off."
-    )
-    run_limit_s: float = Field(
-        3600.0, gt=0, description="Seconds that processing a drive may take; beyond them it fails."
-    )
-    heartbeat_interval_s: float = Field(
-        5.0, gt=0, description="Seconds between two signs of life of a worker that computes."
-    )
-    stalled_after_s: float = Field(
-        30.0,
-        gt=0,
-        description="Seconds without a sign of life after which a drive is given to another worker.",
-    )
-    publish_every_s: float = Field(
-        30.0,
-        ge=0,
-        description="While drives wait, slopes of one place are published at most so often, seconds; else at once.",
-    )
-    default_method: str | None = Field(
-        None,
-        min_length=1,
-        description="Estimator of drives uploaded without a method; unset: the default of `versant methods`.",
-    )
-    max_log_bytes: int = Field(
-        GIB // 2,
-        ge=1,
-        description="Largest log after decompression, bytes; a larger one fails as malformed.",
-    )
+    worker_concurrency: int | None = Field(None, ge=1, le=256)
+    """Drives that `versant worker` and `versant up` compute at once, each in a process of its own; unset: as many as
+    there are cores, as far as memory goes (1 GiB each), at most 8."""
+    lane_memory_bytes: int = Field(3 * GIB, ge=512 * 2**20)
+    """Memory that one of these processes may ask for beyond what it begins with, bytes, about twice of what it then
+    uses; a drive that needs more fails (Linux)."""
+    grace_s: float = Field(10.0, gt=0, le=3600)
+    """Seconds in which a worker ends that is asked to stop: for half of them its drive goes on, then it goes back into
+    the queue."""
+    webhook_private: bool = False
+    """Whether webhooks may call addresses of this machine and of private networks, and by plain http: whoever reaches
+    the API could then make the service call what only it reaches."""
+    webhook_timeout_s: float = Field(10.0, gt=0, le=30)
+    """Seconds in which a webhook's receiver has to answer."""
+    webhook_patience_days: float = Field(3.0, gt=0, le=30)
+    """Days of failures after which a webhook is switched off."""
+    run_limit_s: float = Field(3600.0, gt=0)
+    """Seconds that processing a drive may take; beyond them it fails."""
+    heartbeat_interval_s: float = Field(5.0, gt=0)
+    """Seconds between two signs of life of a worker that computes."""
+    stalled_after_s: float = Field(30.0, gt=0)
+    """Seconds without a sign of life after which a drive is given to another worker."""
+    publish_every_s: float = Field(30.0, ge=0)
+    """While drives wait, slopes of one place are published at most so often, seconds; else at once."""
+    default_method: str | None = Field(None, min_length=1)
+    """Estimator of drives uploaded without a method; unset: the default of `versant methods`."""
+    max_log_bytes: int = Field(GIB // 2, ge=1)
+    """Largest log after decompression, bytes; a larger one fails as malformed."""
 
     # Both
-    db_pool_size: int = Field(
-        5, ge=1, le=100, description="Database connections that one process keeps open."
-    )
-    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
-        "INFO", description="Least severe messages that are logged."
-    )
-    log_format: Literal["text", "json"] = Field(
-        "text", description="Each line of the log as text, or as a JSON object with the same fields."
-    )
-    otlp_endpoint: HttpUrlText | None = Field(
-        None,
-        description="Address of an OpenTelemetry collector (OTLP over HTTP), such as http://127.0.0.1:4318, that "
-        "traces are sent to; needs `pip install 'versant[otel]'`. Unset: none are made.",
-    )
+    db_pool_size: int = Field(5, ge=1, le=100)
+    """Database connections that one process keeps open."""
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
+    """Least severe messages that are logged."""
+    log_format: Literal["text", "json"] = "text"
+    """Each line of the log as text, or as a JSON object with the same fields."""
+    otlp_endpoint: HttpUrlText | None = None
+    """Address of an OpenTelemetry collector (OTLP over HTTP), such as http://127.0.0.1:4318, that traces are sent to;
+    needs `pip install 'versant[otel]'`. Unset: none are made."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Settings:
-        _require(
-            self.heartbeat_interval_s * 2 <= self.stalled_after_s,
-            "stalled_after_s must be at least twice heartbeat_interval_s",
-        )
-        _require(
-            self.items_limit_default <= self.items_limit_max,
-            "items_limit_default must not exceed items_limit_max",
-        )
-        _require(
-            self.tile_min_zoom <= self.tile_full_zoom <= self.tile_max_zoom,
-            "the zoom levels must be in the order tile_min_zoom, tile_full_zoom, tile_max_zoom",
-        )
+        for holds, sentence in (
+            (
+                self.heartbeat_interval_s * 2 <= self.stalled_after_s,
+                "stalled_after_s must be at least twice heartbeat_interval_s",
+            ),
+            (
+                self.items_limit_default <= self.items_limit_max,
+                "items_limit_default must not exceed items_limit_max",
+            ),
+            (
+                self.tile_min_zoom <= self.tile_full_zoom <= self.tile_max_zoom,
+                "the zoom levels must be in the order tile_min_zoom, tile_full_zoom, tile_max_zoom",
+            ),
+        ):
+            if not holds:
+                raise ValueError(sentence)
         return self
+
+    @property
+    def origins(self) -> tuple[str, ...]:
+        """Those in ``cors_origins``."""
+        return listed(self.cors_origins)
+
+    @property
+    def proxies(self) -> tuple[Network, ...]:
+        """Those in ``trusted_proxies``."""
+        return tuple(ip_network(one) for one in listed(self.trusted_proxies))
 
     @property
     def host_names(self) -> frozenset[str]:
         """The names in ``allowed_hosts``."""
         return frozenset(name.lower() for name in listed(self.allowed_hosts))
-
-
-def _require(holds: bool, sentence: str) -> None:
-    if not holds:
-        raise ValueError(sentence)
 
 
 def load_settings(source: Callable[[], Settings] = Settings) -> Settings:

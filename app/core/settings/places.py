@@ -9,7 +9,7 @@ from typing import Annotated
 from urllib.parse import unquote
 
 from pydantic import AfterValidator, Field
-from pydantic_settings import BaseSettings
+from pydantic_settings import BaseSettings, SettingsConfigDict
 
 SQLALCHEMY_SCHEME = "postgresql+psycopg://"
 LIBPQ_SCHEME = "postgresql://"
@@ -57,68 +57,40 @@ def _absolute(path: Path) -> Path:
 class Places(BaseSettings):
     """What is kept where."""
 
+    model_config = SettingsConfigDict(use_attribute_docstrings=True)
+
+    # Not shown: it may hold a password.
     database_url: Annotated[str, AfterValidator(sqlalchemy_url)] | None = Field(
-        None,
-        repr=False,  # it may hold a password
-        description="PostgreSQL with PostGIS, as postgresql://user:password@host:port/name; "
-        "unset: the embedded cluster in data_dir.",
-    )
-    data_dir: Annotated[Path, AfterValidator(_absolute)] = Field(
-        default_factory=default_data_dir,
-        description="Folder of the embedded cluster, of uploaded logs and of elevation rasters; default "
-        "$XDG_DATA_HOME/versant or ~/.local/share/versant.",
-    )
-    blob_url: str | None = Field(
-        None,
-        description="Where logs are kept, an fsspec URL such as s3://bucket/logs; unset: data_dir/blobs.",
-    )
-    dem_url: str | None = Field(
-        None,
-        description="Where elevation rasters are kept, an fsspec URL such as s3://bucket/dem, with copies for "
-        "reading in data_dir/dem-copies; unset: data_dir/dem.",
-    )
-    min_free_bytes: int = Field(
-        GIB // 4,
-        ge=0,
-        description="Room that stays free where logs are kept, bytes: an upload that would take it is answered by 507, "
-        "and /readyz by 503 when there is less.",
-    )
-    orphan_days: float = Field(
-        7.0,
-        ge=1,
-        description="Days after which a stored log without a drive, or an elevation raster in no use, is removed. "
-        "Longer than the oldest backup of the database that may be restored, so that it finds its files.",
-    )
-    export_keep_days: float = Field(
-        7.0,
-        gt=0,
-        le=365,
-        description="Days for which an export that is done is kept; asking again makes it anew.",
-    )
-    exports_max_bytes: int = Field(
-        20 * GIB,
-        ge=0,
-        description="Room that all exports together may take where logs are kept, bytes; the oldest go first.",
-    )
+        None, repr=False
+    )  # it may hold a password
+    """PostgreSQL with PostGIS, as postgresql://user:password@host:port/name; unset: the embedded cluster in
+    data_dir."""
+    data_dir: Annotated[Path, AfterValidator(_absolute)] = Field(default_factory=default_data_dir)
+    """Folder of the embedded cluster, of uploaded logs and of elevation rasters; default $XDG_DATA_HOME/versant or
+    ~/.local/share/versant."""
+    blob_url: str | None = None
+    """Where logs are kept, an fsspec URL such as s3://bucket/logs; unset: data_dir/blobs."""
+    dem_url: str | None = None
+    """Where elevation rasters are kept, an fsspec URL such as s3://bucket/dem, with copies for reading in
+    data_dir/dem-copies; unset: data_dir/dem."""
+    min_free_bytes: int = Field(GIB // 4, ge=0)
+    """Room that stays free where logs are kept, bytes: an upload that would take it is answered by 507, and /readyz by
+    503 when there is less."""
+    orphan_days: float = Field(7.0, ge=1)
+    """Days after which a stored log without a drive, or an elevation raster in no use, is removed. Longer than the
+    oldest backup of the database that may be restored, so that it finds its files."""
+    export_keep_days: float = Field(7.0, gt=0, le=365)
+    """Days for which an export that is done is kept; asking again makes it anew."""
+    exports_max_bytes: int = Field(20 * GIB, ge=0)
+    """Room that all exports together may take where logs are kept, bytes; the oldest go first."""
 
-    road_tolerance_m: float = Field(
-        2.0,
-        ge=0,
-        le=20,
-        description="A road segment whose ends an import moves by no more, metres, keeps what was measured on it.",
-    )
-    keep_dropped_days: float = Field(
-        30.0,
-        ge=0,
-        description="Days for which what was measured on roads that an import took away is kept; it comes back with "
-        "its road.",
-    )
+    road_tolerance_m: float = Field(2.0, ge=0, le=20)
+    """A road segment whose ends an import moves by no more, metres, keeps what was measured on it."""
+    keep_dropped_days: float = Field(30.0, ge=0)
+    """Days for which what was measured on roads that an import took away is kept; it comes back with its road."""
 
-    changes_kept_days: float = Field(
-        90.0,
-        ge=1,
-        description="Days for which removed segments are told to who follows changes; older versions get a 410.",
-    )
+    changes_kept_days: float = Field(90.0, ge=1)
+    """Days for which removed segments are told to who follows changes; older versions get a 410."""
 
     @property
     def blob_store_url(self) -> str:

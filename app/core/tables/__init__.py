@@ -11,22 +11,8 @@ import uuid
 from datetime import datetime
 from typing import Any
 
+import sqlalchemy as sa
 from geoalchemy2 import Geometry, WKBElement
-from sqlalchemy import (
-    BigInteger,
-    CheckConstraint,
-    Computed,
-    DateTime,
-    Double,
-    ForeignKey,
-    Identity,
-    Index,
-    MetaData,
-    SmallInteger,
-    UniqueConstraint,
-    func,
-    text,
-)
 from sqlalchemy.dialects.postgresql import ARRAY, JSONB
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
@@ -61,14 +47,14 @@ _NAMES = {
 class Base(DeclarativeBase):
     """Common base: naming convention of constraints and Python type -> SQL type."""
 
-    metadata = MetaData(naming_convention=_NAMES)
+    metadata = sa.MetaData(naming_convention=_NAMES)
     type_annotation_map = {  # noqa: RUF012  (SQLAlchemy reads it as a plain class attribute)
-        datetime: DateTime(timezone=True),
+        datetime: sa.DateTime(timezone=True),
         dict[str, Any]: JSONB,
         list[dict[str, Any]]: JSONB,
-        list[float]: ARRAY(Double),
-        list[int]: ARRAY(BigInteger),
-        float: Double,
+        list[float]: ARRAY(sa.Double),
+        list[int]: ARRAY(sa.BigInteger),
+        float: sa.Double,
     }
 
 
@@ -77,110 +63,133 @@ def line(srid: int) -> Geometry:
     return Geometry("LINESTRING", srid=srid, spatial_index=False)
 
 
-class RoadVersion(Base):
-    """One import of the road network and what became of the segments that were there."""
-
-    __tablename__ = "road_versions"
-
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    source_name: Mapped[str]
-    sha256: Mapped[str]
-    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    segments: Mapped[int]
-    kept: Mapped[int]
-    moved: Mapped[int]
-    dropped: Mapped[int]
-    added: Mapped[int]
-    length_m: Mapped[float | None]
-    """Of the whole network after it, as ``segments`` are; NULL of imports by code that did not note it."""
-    region: Mapped[str | None]
-    """What it brought up to date; NULL: the whole network, as imports did before there were regions."""
+def where(condition: str) -> dict[str, Any]:
+    """The options of an index on those rows alone."""
+    return {"postgresql_where": sa.text(condition)}
 
 
-class DemVersion(Base):
-    """One state of the set of elevation rasters; ``sources`` lists ``{name, uri, sha256, priority, bounds_deg}`` of
-    each file; versions of before 0014 have the first three. The active one may be empty.
-    """
+class Numbered:
+    """Rows are numbered as they come."""
 
-    __tablename__ = "dem_versions"
-
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    sources: Mapped[list[dict[str, Any]]]
-    datum: Mapped[str]
-    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    active: Mapped[bool]
-    pending: Mapped[dict[str, Any] | None]
-    """Where segments still have the heights of the set before: ``{boxes_deg, after_id}``; NULL: nowhere."""
-
-    __table_args__ = (
-        Index("uq_dem_versions_active", "active", unique=True, postgresql_where=text("active")),
-    )
+    id: Mapped[int] = mapped_column(sa.BigInteger, sa.Identity(), primary_key=True)
 
 
-class Segment(Base):
-    """A pair of consecutive nodes of a drivable way, drawn from ``from_node`` to ``to_node``."""
+class OneRow:
+    """There is one row, of the number 1."""
 
-    __tablename__ = "segments"
-
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    osm_way_id: Mapped[int] = mapped_column(BigInteger)
-    from_node: Mapped[int] = mapped_column(BigInteger)
-    to_node: Mapped[int] = mapped_column(BigInteger)
-    geom: Mapped[WKBElement] = mapped_column(line(SRID_DEGREES))
-    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
-    length_m: Mapped[float]
-    highway: Mapped[str]
-    name: Mapped[str | None]
-    oneway: Mapped[int] = mapped_column(SmallInteger)
-    bridge: Mapped[bool]
-    tunnel: Mapped[bool]
-    layer: Mapped[int] = mapped_column(SmallInteger)
-    dem_slope_percent: Mapped[float | None]
-    dem_heights_m: Mapped[list[float] | None]
-    """Of the elevation model at the segment's knots (``fusion.network.unknowns.knot_positions``), NaN unknown."""
-    road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
-    """The import that brought the row's present geometry."""
-    regions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger), server_default=text("'{}'"))
-    """The regions whose files have it; a segment of none is nobody's, and stays."""
-    cell: Mapped[int | None] = mapped_column(Computed(MIDDLE_CELL, persisted=True))
-    """The cell of the segment's middle (``app.network.cells``)."""
-
-    __table_args__ = (
-        UniqueConstraint("osm_way_id", "from_node", "to_node"),
-        CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
-        Index("ix_segments_geom", "geom", postgresql_using="gist"),
-        Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
-        Index("ix_segments_cell", "cell"),
-        # What items are asked for by. Equal values share an entry, so these are small.
-        Index("ix_segments_highway", "highway"),
-        Index("ix_segments_name", "name", postgresql_where=text("name IS NOT NULL")),
-        # What an update left without heights is found at once, and that nothing is left, too.
-        Index("ix_segments_without_heights", "id", postgresql_where=text(WITHOUT_HEIGHTS)),
-    )
+    id: Mapped[int] = mapped_column(sa.SmallInteger, primary_key=True, autoincrement=False)
 
 
-_NAME = "left(lower(filename), 100)"  # of collation "C", of which reflected indexes say nothing
-_FAILED: dict[str, Any] = {"postgresql_where": text("status = 'failed'")}
-
-
-class Drive(Base):
-    """An uploaded log and what became of it."""
-
-    __tablename__ = "drives"
+class Followed:
+    """Who asked when, and how far it is."""
 
     id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
-    sha256: Mapped[str] = mapped_column(unique=True)
-    content_sha256: Mapped[str | None] = mapped_column(unique=True)
-    """Of what the bytes unpack to (``app.core.content``); NULL: uploaded before that was told."""
-    filename: Mapped[str]
-    size_bytes: Mapped[int] = mapped_column(BigInteger)
-    blob_key: Mapped[str]
     status: Mapped[str]
     stage: Mapped[str | None]
+    """What is being done just now, or was when it failed."""
     progress: Mapped[float] = mapped_column(server_default="0")
     failure_kind: Mapped[str | None]
     failure_reason: Mapped[str | None]
     failure_where: Mapped[str | None]
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+    started_at: Mapped[datetime | None]
+    finished_at: Mapped[datetime | None]
+
+
+def status_constraints(*statuses: str) -> tuple[sa.CheckConstraint, sa.CheckConstraint]:
+    """What holds of every table of what is followed."""
+    names = ", ".join(f"'{status}'" for status in statuses)
+    return (
+        sa.CheckConstraint(f"status IN ({names})", name="status"),
+        sa.CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
+    )
+
+
+class Import:
+    """Roads as one file had them: which, when, and how many segments there are since."""
+
+    source_name: Mapped[str]
+    sha256: Mapped[str]
+    imported_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+    segments: Mapped[int]
+
+
+class OfWay:
+    """A part of an OpenStreetMap way, drawn from ``from_node`` to ``to_node``."""
+
+    osm_way_id: Mapped[int] = mapped_column(sa.BigInteger)
+    from_node: Mapped[int] = mapped_column(sa.BigInteger)
+    to_node: Mapped[int] = mapped_column(sa.BigInteger)
+    geom: Mapped[WKBElement] = mapped_column(line(SRID_DEGREES))
+    length_m: Mapped[float]
+
+
+class Road(OfWay):
+    """One that may be driven on, with the slope that the elevation model gives it."""
+
+    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
+    highway: Mapped[str]
+    name: Mapped[str | None]
+    oneway: Mapped[int] = mapped_column(sa.SmallInteger)
+    bridge: Mapped[bool]
+    """Any of it, as of ``tunnel``."""
+    tunnel: Mapped[bool]
+    dem_slope_percent: Mapped[float | None]
+
+
+class Estimate:
+    """What one drive says about one segment, all its passes together."""
+
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    observations: Mapped[int]
+    passes: Mapped[int]
+    first_at: Mapped[datetime]
+    last_at: Mapped[datetime]
+
+
+class Segment(Numbered, Road, Base):
+    """A pair of consecutive nodes of a drivable way."""
+
+    __tablename__ = "segments"
+
+    layer: Mapped[int] = mapped_column(sa.SmallInteger)
+    dem_heights_m: Mapped[list[float] | None]
+    """Of the elevation model at the segment's knots (``fusion.network.unknowns.knot_positions``), NaN unknown."""
+    road_version_id: Mapped[int] = mapped_column(sa.ForeignKey("road_versions.id"))
+    """The import that brought the row's present geometry."""
+    regions: Mapped[list[int]] = mapped_column(ARRAY(sa.SmallInteger), server_default=sa.text("'{}'"))
+    """The regions whose files have it; a segment of none is nobody's, and stays."""
+    cell: Mapped[int | None] = mapped_column(sa.Computed(MIDDLE_CELL, persisted=True), index=True)
+    """The cell of the segment's middle (``app.network.cells``)."""
+
+    __table_args__ = (
+        sa.UniqueConstraint("osm_way_id", "from_node", "to_node"),
+        sa.CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
+        sa.Index("ix_segments_geom", "geom", postgresql_using="gist"),
+        sa.Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
+        # What items are asked for by. Equal values share an entry, so these are small.
+        sa.Index("ix_segments_highway", "highway"),
+        sa.Index("ix_segments_name", "name", **where("name IS NOT NULL")),
+        # What an update left without heights is found at once, and that nothing is left, too.
+        sa.Index("ix_segments_without_heights", "id", **where(WITHOUT_HEIGHTS)),
+    )
+
+
+_NAME = "left(lower(filename), 100)"  # of collation "C", of which reflected indexes say nothing
+
+
+class Drive(Followed, Base):
+    """An uploaded log and what became of it."""
+
+    __tablename__ = "drives"
+
+    sha256: Mapped[str] = mapped_column(unique=True)
+    content_sha256: Mapped[str | None] = mapped_column(unique=True)
+    """Of what the bytes unpack to (``app.core.content``); NULL: uploaded before that was told."""
+    filename: Mapped[str]
+    size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
+    blob_key: Mapped[str]
     failure_version: Mapped[str | None]
     """The version of the code that it last failed by; NULL where that was not noted."""
     method: Mapped[str]
@@ -194,88 +203,96 @@ class Drive(Base):
     epochs: Mapped[int | None]
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
-    duplicate_of: Mapped[uuid.UUID | None] = mapped_column(ForeignKey("drives.id", ondelete="SET NULL"))
+    duplicate_of: Mapped[uuid.UUID | None] = mapped_column(sa.ForeignKey("drives.id", ondelete="SET NULL"))
     """The drive that this one duplicates, which counts in its place (``app.network.results``)."""
-    batch_id: Mapped[int | None] = mapped_column(ForeignKey("batches.id", ondelete="SET NULL"))
+    batch_id: Mapped[int | None] = mapped_column(sa.ForeignKey("batches.id", ondelete="SET NULL"))
     """The batch with which it was last asked for; NULL where it was asked for by itself."""
     before_batch: Mapped[dict[str, Any] | None]
     """What it was before its batch, for as long as a cancelled batch would bring that back."""
-    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    queued_at: Mapped[datetime] = mapped_column(server_default=func.now())
-    started_at: Mapped[datetime | None]
-    finished_at: Mapped[datetime | None]
+    queued_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     computed_at: Mapped[datetime | None]
     """When its last run ended; from then on it waited for its cells to be solved."""
     traceparent: Mapped[str | None]
     """The trace of the request that asked for it (W3C Trace Context); NULL where none is recorded."""
 
     __table_args__ = (
-        CheckConstraint("status IN ('queued', 'running', 'done', 'failed', 'cancelled')", name="status"),
-        CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
-        Index("ix_drives_created_at_id", "created_at", "id"),
-        Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
-        Index("ix_drives_queued_at", "queued_at", postgresql_where=text("status = 'queued'")),
+        *status_constraints(*DRIVE_STATUSES),
+        sa.Index("ix_drives_created_at_id", "created_at", "id"),
+        sa.Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
+        sa.Index("ix_drives_queued_at", "queued_at", **where("status = 'queued'")),
         # How many ended in an hour or a day is answered out of the index.
-        Index(
+        sa.Index(
             "ix_drives_finished_at",
             "finished_at",
             postgresql_include=["status", "distance_m"],
-            postgresql_where=text("finished_at IS NOT NULL"),
+            **where("finished_at IS NOT NULL"),
         ),
-        Index("ix_drives_duplicate_of", "duplicate_of", postgresql_where=text("duplicate_of IS NOT NULL")),
+        sa.Index("ix_drives_duplicate_of", "duplicate_of", **where("duplicate_of IS NOT NULL")),
         # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
-        Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
-        Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
-        Index("ix_drives_name_created_at_id", text(_NAME), "created_at", "id"),
-        Index("ix_drives_words", text("file_words(filename)"), postgresql_using="gin"),
-        Index("ix_drives_failure_kind_created_at_id", "failure_kind", "created_at", "id", **_FAILED),
+        sa.Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
+        sa.Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
+        sa.Index("ix_drives_name_created_at_id", sa.text(_NAME), "created_at", "id"),
+        sa.Index("ix_drives_words", sa.text("file_words(filename)"), postgresql_using="gin"),
+        sa.Index(
+            "ix_drives_failure_kind_created_at_id",
+            "failure_kind",
+            "created_at",
+            "id",
+            **where("status = 'failed'"),
+        ),
     )
 
 
-class Provenance(Base):
+class Provenance(Numbered, Base):
     """How a drive's present estimates were made; ``options`` are complete, defaults included."""
 
     __tablename__ = "provenances"
 
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"), index=True)
     method: Mapped[str]
     options: Mapped[dict[str, Any]]
     code_version: Mapped[str]
-    road_version_id: Mapped[int] = mapped_column(ForeignKey("road_versions.id"))
-    road_state: Mapped[int | None] = mapped_column(BigInteger)
+    road_version_id: Mapped[int] = mapped_column(sa.ForeignKey("road_versions.id"))
+    road_state: Mapped[int | None] = mapped_column(sa.BigInteger)
     """Of the cells that the run took its roads from, the highest (``Cell.road_state``); NULL of older runs."""
-    dem_version_id: Mapped[int | None] = mapped_column(ForeignKey("dem_versions.id"))
-    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    dem_version_id: Mapped[int | None] = mapped_column(sa.ForeignKey("dem_versions.id"))
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
 
-class DriveSegment(Base):
-    """What one drive says about one segment, all its passes together."""
+class DriveSegment(Estimate, Base):
+    """An estimate, and the run that made it."""
 
     __tablename__ = "drive_segments"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
-    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True)
-    slope_percent: Mapped[float]
-    slope_sigma_percent: Mapped[float]
-    observations: Mapped[int]
-    passes: Mapped[int]
-    first_at: Mapped[datetime]
-    last_at: Mapped[datetime]
-    provenance_id: Mapped[int] = mapped_column(ForeignKey("provenances.id", ondelete="CASCADE"), index=True)
-    in_network: Mapped[bool] = mapped_column(server_default=text("false"))
+    drive_id: Mapped[uuid.UUID] = mapped_column(
+        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
+    )
+    segment_id: Mapped[int] = mapped_column(
+        sa.ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True
+    )
+    provenance_id: Mapped[int] = mapped_column(
+        sa.ForeignKey("provenances.id", ondelete="CASCADE"), index=True
+    )
+    in_network: Mapped[bool] = mapped_column(server_default=sa.text("false"))
     """The drive contributes factors: this is shown as its own estimate and not combined a second time."""
 
     __table_args__ = (
-        CheckConstraint("slope_sigma_percent > 0", name="sigma"),
-        Index("ix_drive_segments_segment_id", "segment_id"),
-        Index("ix_drive_segments_slope_only", "segment_id", postgresql_where=text("NOT in_network")),
+        sa.CheckConstraint("slope_sigma_percent > 0", name="sigma"),
+        sa.Index("ix_drive_segments_segment_id", "segment_id"),
+        sa.Index("ix_drive_segments_slope_only", "segment_id", **where("NOT in_network")),
     )
 
 
-class _OfNetwork:
-    """What the network knows of a segment besides its slope; NULL where it is not in the network."""
+class _Slope:
+    """A segment's slope, and what the network knows of it besides; that is NULL where it is not in the network."""
 
+    segment_id: Mapped[int] = mapped_column(
+        sa.ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    slope_percent: Mapped[float]
+    slope_sigma_percent: Mapped[float]
+    drives: Mapped[int]
+    observations: Mapped[int]
     driven_share: Mapped[float | None]
     """Share of the length over which passes are accepted."""
     height_from_m: Mapped[float | None]
@@ -287,18 +304,10 @@ class _OfNetwork:
     steepest_to_m: Mapped[float | None]
 
 
-class NetworkSlope(_OfNetwork, Base):
+class NetworkSlope(_Slope, Base):
     """What all factors together say of a segment; a gap between driven ones has 0 drives and observations."""
 
     __tablename__ = "network_slopes"
-
-    segment_id: Mapped[int] = mapped_column(
-        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
-    )
-    slope_percent: Mapped[float]
-    slope_sigma_percent: Mapped[float]
-    drives: Mapped[int]
-    observations: Mapped[int]
 
 
 class DriveTrack(Base):
@@ -306,13 +315,15 @@ class DriveTrack(Base):
 
     __tablename__ = "drive_tracks"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(
+        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
+    )
     track: Mapped[bytes]
     measurements: Mapped[bytes | None]
     """Drawn behind the profile; NULL where the method offers none."""
 
 
-class SegmentSlope(_OfNetwork, Base):
+class SegmentSlope(_Slope, Base):
     """What is published of one segment: the network's slope combined with the estimates of slope-only drives.
 
     A gap between driven segments has 0 drives and observations; a segment of which nothing is known has no row.
@@ -320,18 +331,10 @@ class SegmentSlope(_OfNetwork, Base):
 
     __tablename__ = "segment_slopes"
 
-    segment_id: Mapped[int] = mapped_column(
-        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
-    )
-    slope_percent: Mapped[float]
-    slope_sigma_percent: Mapped[float]
-    drives: Mapped[int]
-    observations: Mapped[int]
-    updated_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    updated_at: Mapped[datetime] = mapped_column(server_default=sa.func.now(), index=True)
 
     # What items are asked for and sorted by.
     __table_args__ = (
-        Index("ix_segment_slopes_slope_percent", "slope_percent"),
-        Index("ix_segment_slopes_steepest_percent", "steepest_percent"),
-        Index("ix_segment_slopes_updated_at", "updated_at"),
+        sa.Index("ix_segment_slopes_slope_percent", "slope_percent"),
+        sa.Index("ix_segment_slopes_steepest_percent", "steepest_percent"),
     )

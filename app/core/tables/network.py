@@ -1,4 +1,5 @@
-"""The tables of the network: what drives and surveyors contribute, and the cells in which it is solved."""
+"""The tables of the network: what drives and surveyors contribute, and the cells in which it is solved; and those of
+imports: versions of roads and elevation, regions, the retired evidence of deleted roads."""
 
 from __future__ import annotations
 
@@ -6,21 +7,11 @@ import uuid
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import (
-    BigInteger,
-    CheckConstraint,
-    ForeignKey,
-    Identity,
-    Index,
-    Integer,
-    SmallInteger,
-    func,
-    text,
-)
+import sqlalchemy as sa
 from sqlalchemy.dialects.postgresql import ARRAY
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import Base
+from app.core.tables import Base, Estimate, Import, Numbered, OfWay, where
 
 PARTITION_PREFIX = "drive_passes_of_"
 """How the names of the parts of ``drive_passes`` begin; a row's part follows from a hash of its partition."""
@@ -32,35 +23,35 @@ class DrivePass(Base):
     __tablename__ = "drive_passes"
 
     id: Mapped[int] = mapped_column(
-        BigInteger, primary_key=True, server_default=text("nextval('drive_passes_id_seq')")
+        sa.BigInteger, primary_key=True, server_default=sa.text("nextval('drive_passes_id_seq')")
     )
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
-    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"))
+    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    segment_id: Mapped[int] = mapped_column(sa.ForeignKey("segments.id", ondelete="CASCADE"))
     entered_s: Mapped[float]
     """When the drive came to the segment, Unix seconds."""
     condensed_weight: Mapped[float | None]
     """NULL: the pass is recent and read as it is. Else the weight with which it is condensed; 0: it was rejected."""
     sequence: Mapped[int]
     """Its place among the drive's passes, in the order of driving."""
-    partition: Mapped[int] = mapped_column(SmallInteger, primary_key=True, autoincrement=False)
+    partition: Mapped[int] = mapped_column(sa.SmallInteger, primary_key=True, autoincrement=False)
     """The tile of zoom 6 around the segment's cell: ``versant_partition(cell)``."""
     factor: Mapped[bytes]
 
     __table_args__ = (
         # Which drives were here at a moment is answered from the index alone, however many drives there are.
-        Index(
+        sa.Index(
             "ix_drive_passes_segment_id_entered_s",
             "segment_id",
             "entered_s",
             postgresql_include=["drive_id", "partition"],
         ),
         # The recent passes over a segment, however many passes there are.
-        Index("ix_drive_passes_recent", "segment_id", postgresql_where=text("condensed_weight IS NULL")),
+        sa.Index("ix_drive_passes_recent", "segment_id", **where("condensed_weight IS NULL")),
         {"postgresql_partition_by": "HASH (partition)"},
     )
 
 
-class CondensedPasses(Base):
+class CondensedPasses(Numbered, Base):
     """Old passes over a segment as one sum (``fusion.network.condensed``): the sum over the segment's rows.
 
     Rows are only added, so that nobody waits for anybody; a row that subtracts a drive has its signs reversed.
@@ -68,8 +59,7 @@ class CondensedPasses(Base):
 
     __tablename__ = "condensed_passes"
 
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    segment_id: Mapped[int] = mapped_column(ForeignKey("segments.id", ondelete="CASCADE"), index=True)
+    segment_id: Mapped[int] = mapped_column(sa.ForeignKey("segments.id", ondelete="CASCADE"), index=True)
     evidence: Mapped[bytes]
 
 
@@ -79,10 +69,10 @@ class RejectedPass(Base):
     __tablename__ = "rejected_passes"
 
     segment_id: Mapped[int] = mapped_column(
-        ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+        sa.ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
     )
-    pass_id: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    pass_id: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
+    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"), index=True)
 
 
 class DriveConstants(Base):
@@ -94,12 +84,14 @@ class DriveConstants(Base):
 
     __tablename__ = "drive_constants"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(
+        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
+    )
     passes: Mapped[int]
     evidence: Mapped[bytes]
     measurements: Mapped[int]
     epoch_s: Mapped[bytes]
-    partitions: Mapped[list[int]] = mapped_column(ARRAY(SmallInteger))
+    partitions: Mapped[list[int]] = mapped_column(ARRAY(sa.SmallInteger))
     """Where its passes are: all regions, so that nobody looks for them elsewhere."""
 
 
@@ -114,9 +106,9 @@ class ControlPoint(Base):
     sigma_m: Mapped[float]
     name: Mapped[str]
     """Where it came from: a line of a file."""
-    imported_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    imported_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
-    __table_args__ = (CheckConstraint("sigma_m > 0", name="sigma"),)
+    __table_args__ = (sa.CheckConstraint("sigma_m > 0", name="sigma"),)
 
 
 class Cell(Base):
@@ -124,57 +116,146 @@ class Cell(Base):
 
     __tablename__ = "cells"
 
-    id: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
+    id: Mapped[int] = mapped_column(sa.Integer, primary_key=True, autoincrement=False)
     """x in the upper bits, y in the lower 14."""
-    version: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    version: Mapped[int] = mapped_column(sa.BigInteger, server_default="0")
     """Raised if and only if anything that is shown of the cell changes."""
-    changed_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    changed_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     unsettled_since: Mapped[datetime | None]
     """Since when a change near by waits that only a solution of a wider subnetwork takes into account."""
-    driven: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+    driven: Mapped[dict[str, Any]] = mapped_column(server_default=sa.text("'{}'"))
     """Number and length, m, of the driven segments of each class whose middle lies in the cell."""
 
-    road_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    road_state: Mapped[int] = mapped_column(sa.BigInteger, server_default="0")
     """Which step of which import changed the roads that meet the cell last (``app.network.cells``)."""
-    course_state: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    course_state: Mapped[int] = mapped_column(sa.BigInteger, server_default="0")
     """The same of changes that a drive would notice: roads that came, went, or lie elsewhere."""
 
-    drawn_version: Mapped[int] = mapped_column(BigInteger, server_default="0")
+    drawn_version: Mapped[int] = mapped_column(sa.BigInteger, server_default="0")
     """Raised when what low zooms draw of the cell changes, which follows ``version`` (``app.map.derived``). What is
     drawn of a greater cell raises it of any cell inside."""
-    changed_xid: Mapped[int] = mapped_column(BigInteger, server_default="0", index=True)
+    changed_xid: Mapped[int] = mapped_column(sa.BigInteger, server_default="0", index=True)
     """The transaction that raised either of the two last; a trigger writes it (``SegmentChange.xid``)."""
 
     __table_args__ = (
-        Index(
-            "ix_cells_unsettled_since",
-            "unsettled_since",
-            postgresql_where=text("unsettled_since IS NOT NULL"),
-        ),
+        sa.Index("ix_cells_unsettled_since", "unsettled_since", **where("unsettled_since IS NOT NULL")),
     )
 
 
-class NetworkMark(Base):
+class NetworkMark(Numbered, Base):
     """What waits to be solved in a cell because a drive was added or removed or something else changed there."""
 
     __tablename__ = "network_marks"
 
-    id: Mapped[int] = mapped_column(BigInteger, Identity(), primary_key=True)
-    cell: Mapped[int]
-    drive_id: Mapped[uuid.UUID | None]
+    cell: Mapped[int] = mapped_column(index=True)
+    drive_id: Mapped[uuid.UUID | None] = mapped_column(index=True)
     """The drive that is published, or deleted, once all its marks are gone; it may not exist any more."""
     generation: Mapped[int | None]
     touched: Mapped[list[int]]
     """Segments around which the network is to be solved again."""
     combined: Mapped[list[int]]
     """Segments of which only the published slope is to be combined again."""
-    due_at: Mapped[datetime]
-    tries: Mapped[int] = mapped_column(SmallInteger, server_default="0")
+    due_at: Mapped[datetime] = mapped_column(index=True)
+    tries: Mapped[int] = mapped_column(sa.SmallInteger, server_default="0")
     """How many solvers have begun it."""
-    made_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    made_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
-    __table_args__ = (
-        Index("ix_network_marks_cell", "cell"),
-        Index("ix_network_marks_drive_id", "drive_id"),
-        Index("ix_network_marks_due_at", "due_at"),
+
+class RoadVersion(Numbered, Import, Base):
+    """One import of the road network and what became of the segments that were there."""
+
+    __tablename__ = "road_versions"
+
+    kept: Mapped[int]
+    moved: Mapped[int]
+    dropped: Mapped[int]
+    added: Mapped[int]
+    length_m: Mapped[float | None]
+    """Of the whole network after it, as ``segments`` are; NULL of imports by code that did not note it."""
+    region: Mapped[str | None]
+    """What it brought up to date; NULL: the whole network, as imports did before there were regions."""
+
+
+class DemVersion(Numbered, Base):
+    """One state of the set of elevation rasters; ``sources`` lists ``{name, uri, sha256, priority, bounds_deg}`` of
+    each file; versions of before 0014 have the first three. The active one may be empty.
+    """
+
+    __tablename__ = "dem_versions"
+
+    sources: Mapped[list[dict[str, Any]]]
+    datum: Mapped[str]
+    imported_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+    active: Mapped[bool]
+    pending: Mapped[dict[str, Any] | None]
+    """Where segments still have the heights of the set before: ``{boxes_deg, after_id}``; NULL: nowhere."""
+
+    __table_args__ = (sa.Index("uq_dem_versions_active", "active", unique=True, **where("active")),)
+
+
+class Region(Import, Base):
+    """Roads that came from one file and are updated by the next of that name."""
+
+    __tablename__ = "regions"
+
+    id: Mapped[int] = mapped_column(sa.SmallInteger, sa.Identity(), primary_key=True)
+    name: Mapped[str] = mapped_column(unique=True)
+    road_version_id: Mapped[int] = mapped_column(sa.ForeignKey("road_versions.id"))
+    """The import that brought it to its present state."""
+    file_uri: Mapped[str | None]
+    """What a file of changes is applied to: its ways and their nodes, where ``app.roads.region_files`` keeps them."""
+    file_sha256: Mapped[str | None]
+    bounds: Mapped[list[float] | None]
+    """West, south, east, north of its roads, degrees, as its last import left them."""
+
+
+class RetiredSegment(Numbered, OfWay, Base):
+    """A road that was deleted or moved, as it was when something was measured on it."""
+
+    __tablename__ = "retired_segments"
+
+    segment_id: Mapped[int] = mapped_column(sa.BigInteger)
+    """The number that it had, and has again when it comes back. There need not be such a segment."""
+    retired_at: Mapped[datetime] = mapped_column(server_default=sa.func.now(), index=True)
+
+
+class _Retired(Numbered):
+    """Evidence of one drive on a retired segment, from the run whose provenance has the number ``run``."""
+
+    retired_id: Mapped[int] = mapped_column(
+        sa.ForeignKey("retired_segments.id", ondelete="CASCADE"), index=True
     )
+    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    run: Mapped[int | None] = mapped_column(sa.BigInteger)
+    """No foreign key: a drive that was computed anew has another, and is computed once more if the road comes back."""
+
+
+class RetiredPass(_Retired, Base):
+    """A pass (``DrivePass``)."""
+
+    __tablename__ = "retired_passes"
+
+    sequence: Mapped[int]
+    entered_s: Mapped[float]
+    factor: Mapped[bytes]
+
+
+class RetiredEstimate(_Retired, Estimate, Base):
+    """An estimate (``DriveSegment``)."""
+
+    __tablename__ = "retired_estimates"
+
+    in_network: Mapped[bool]
+
+
+class TouchedDrive(Base):
+    """A drive that is to be computed again because roads under it changed; a worker queues it."""
+
+    __tablename__ = "touched_drives"
+
+    drive_id: Mapped[uuid.UUID] = mapped_column(
+        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
+    )
+    road_state: Mapped[int] = mapped_column(sa.BigInteger)
+    """A run that knew the roads of this state, or later ones, need not be repeated."""
+    made_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())

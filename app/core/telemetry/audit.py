@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from datetime import datetime
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 from fastapi import Depends, Request
 from sqlalchemy import text
@@ -41,16 +40,6 @@ _READ = text(
 
 
 _PRUNE = text("DELETE FROM audit_log WHERE id <= (SELECT max(id) FROM audit_log) - CAST(:kept AS bigint)")
-
-
-class Audited(NamedTuple):
-    """One row of the log."""
-
-    at: datetime
-    action: str
-    subject: str
-    detail: dict[str, Any]
-    origin: str
 
 
 async def get_origin(request: Request) -> str:
@@ -88,6 +77,6 @@ def prune(session: Session, most: int = MOST_KEPT) -> None:
     session.execute(_PRUNE, {"kept": most})
 
 
-def entries(session: Session, days: int, most: int = MOST_SHOWN) -> list[Audited]:
+def entries(session: Session, days: int, most: int = MOST_SHOWN) -> list[dict[str, Any]]:
     """At most ``most`` rows of the last ``days``, the newest first."""
-    return [Audited(*row) for row in session.execute(_READ, {"days": days, "most": most})]
+    return [dict(row._mapping) for row in session.execute(_READ, {"days": days, "most": most})]

@@ -82,8 +82,8 @@ class Ledger:
             if totals == self._written:
                 return
             with self._sessions.begin() as session:
-                is_updated = self._id is not None and self._update(session, totals)
-                if not is_updated:  # the row was added up with those of others, as it stood
+                # Else there is no row yet, or it was added up with those of others, as it stood.
+                if session.execute(_WRITE, self._values(totals)).scalar() is None:
                     since = {key: self._since.get(key, 0.0) + t for key, t in self._written.items()}
                     self._since, self._written = {**self._since, **since}, {}
                     totals = growth(now, self._since)
@@ -91,16 +91,13 @@ class Ledger:
                     session.execute(_BEGIN, self._values(totals) | {"process": self._process})
             self._written = totals
 
+    def _values(self, totals: Totals) -> dict[str, object]:
+        return {"id": self._id, "totals": json.dumps(totals)}
+
     def fold(self) -> None:
         """Add up the rows of processes that have ended, where there are many."""
         with self._sessions.begin() as session:
             session.execute(_FOLD, {"after_s": FOLD_AFTER_S, "from_rows": FOLD_FROM_ROWS})
-
-    def _update(self, session: Session, totals: Totals) -> bool:
-        return session.execute(_WRITE, self._values(totals)).scalar() is not None
-
-    def _values(self, totals: Totals) -> dict[str, object]:
-        return {"id": self._id, "totals": json.dumps(totals)}
 
 
 @contextmanager

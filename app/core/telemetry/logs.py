@@ -21,6 +21,7 @@ from typing import Any, TextIO
 
 from app.core.db import plain_text
 from app.core.settings import Settings
+from app.core.text import utc_text
 
 FIELDS = "versant"
 """The attribute of a record that holds what ``tell`` was given."""
@@ -79,58 +80,47 @@ def reason_text(reason: str | None) -> Any:
     return plain_text(None if reason is None else blanked(reason))
 
 
-class _Lines(logging.Formatter):
-    """The common part of both kinds of lines."""
+class TextLines(logging.Formatter):
+    """``time LEVEL process logger: event name=value ...``, and the lines of a traceback."""
 
     def __init__(self, process: str) -> None:
         super().__init__()
         self._process = process
 
     def format(self, record: logging.LogRecord) -> str:
-        """The record as one line; of text, a traceback follows."""
-        return blanked(self.line(record, {**_IDS.get(), **_figures(getattr(record, FIELDS, {}))}))
-
-    def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
-        """The record, before what could be places is blanked."""
-        raise NotImplementedError
-
-    @staticmethod
-    def trace(record: logging.LogRecord) -> str | None:
-        """The record's traceback."""
+        """The record, and what could be places is blanked."""
+        figures = getattr(record, FIELDS, {}).items()
+        rounded = {name: round(v, DIGITS) if isinstance(v, float) else v for name, v in figures}
+        trace = None
         if record.exc_info and record.exc_info[0] is not None:
-            return "".join(traceback.format_exception(*record.exc_info)).rstrip()
-        return None
+            trace = "".join(traceback.format_exception(*record.exc_info)).rstrip()
+        moment = str(utc_text(datetime.fromtimestamp(record.created, UTC)))
+        return blanked(self.line(record, moment, {**_IDS.get(), **rounded}, trace))
 
-
-class TextLines(_Lines):
-    """``time LEVEL process logger: event name=value ...``."""
-
-    def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
-        """The line, and the lines of a traceback."""
-        message = " ".join(
-            [
-                _one_line(record.getMessage().rstrip()),
-                *(f"{name}={_word(value)}" for name, value in fields.items()),
-            ]
-        )
-        head = f"{_moment(record)} {record.levelname} {self._process} {record.name}: {message}"
-        trace = self.trace(record)
+    def line(
+        self, record: logging.LogRecord, moment: str, fields: Mapping[str, Any], trace: str | None
+    ) -> str:
+        """The record, its ids and figures, and a traceback where there is one."""
+        words = (f"{name}={_word(value)}" for name, value in fields.items())
+        message = " ".join([_one_line(record.getMessage().rstrip()), *words])
+        head = f"{moment} {record.levelname} {self._process} {record.name}: {message}"
         return head if trace is None else f"{head}\n{trace}"
 
 
-class JsonLines(_Lines):
+class JsonLines(TextLines):
     """One JSON object a line; ``error`` holds a traceback."""
 
-    def line(self, record: logging.LogRecord, fields: Mapping[str, Any]) -> str:
+    def line(
+        self, record: logging.LogRecord, moment: str, fields: Mapping[str, Any], trace: str | None
+    ) -> str:
         """The object; the fields of every line come first and cannot be overwritten."""
         own = {
-            "time": _moment(record),
+            "time": moment,
             "level": record.levelname,
             "process": self._process,
             "logger": record.name,
             "event": record.getMessage(),
         }
-        trace = self.trace(record)
         more = {} if trace is None else {"error": trace}
         theirs = {name: value for name, value in fields.items() if name not in own}
         return json.dumps({**own, **theirs, **more}, default=str, ensure_ascii=False)
@@ -155,7 +145,7 @@ def begin_logging(settings: Settings, process: str) -> None:
     handler = _StandardError()
     handler.setFormatter(lines(f"{process}[{os.getpid()}]"))
     root = logging.getLogger()
-    for former in [one for one in root.handlers if isinstance(one.formatter, _Lines)]:
+    for former in [one for one in root.handlers if isinstance(one.formatter, TextLines)]:
         root.removeHandler(former)
     root.addHandler(handler)
     root.setLevel(settings.log_level)
@@ -163,16 +153,6 @@ def begin_logging(settings: Settings, process: str) -> None:
     quiet = max(logging.WARNING, root.level) if root.level > logging.DEBUG else root.level
     for chatty in CHATTY:
         logging.getLogger(chatty).setLevel(quiet)
-
-
-def _figures(fields: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: round(v, DIGITS) if isinstance(v, float) else v for name, v in fields.items()}
-
-
-def _moment(record: logging.LogRecord) -> str:
-    return (
-        datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    )
 
 
 def _word(value: object) -> str:

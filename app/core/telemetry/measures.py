@@ -145,17 +145,5 @@ IMPORTS = Measure(
 )
 IMPORT_S = Measure("versant_import_seconds", "Imports, from file to commit.", ("kind",), LONG_S)
 
-MEASURES = (
-    DRIVES_DONE,
-    DRIVES_FAILED,
-    DRIVES_PUT_BACK,
-    QUEUED_S,
-    STAGE_S,
-    SOLVE_S,
-    CELLS_SOLVED,
-    SQUARES_SOLVED,
-    SWAP_CONFLICTS,
-    LOCK_WAIT_S,
-    IMPORTS,
-    IMPORT_S,
-)
+MEASURES = tuple(one for one in list(globals().values()) if isinstance(one, Measure))
+"""All of these, in their order."""

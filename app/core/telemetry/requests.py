@@ -1,4 +1,4 @@
-"""Each request's number, its line in the log and its span.
+"""Each request's number, its line in the log, its span, and its part of the metrics.
 
 The line holds the template of the route, the path unless that is a place (a tile), and the names of the query's
 parameters without their values: a box or a list of places tells where somebody lives, or looks.
@@ -10,6 +10,7 @@ import logging
 import re
 import time
 import uuid
+from collections.abc import Callable
 from urllib.parse import parse_qsl
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -38,8 +39,11 @@ class RequestLog:
     A number that the client or a proxy sends as ``X-Request-ID`` is kept, if it can be one.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, observe: Callable[[str, str, int, float], None]) -> None:
+        """``observe`` counts a request: method, template of the route (a series per drive would never end), status,
+        seconds."""
         self.app = app
+        self._observe = observe
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on; the time ends with the last byte of the answer."""
@@ -65,18 +69,14 @@ class RequestLog:
             try:
                 await self.app(scope, receive, watched)
             finally:
+                took_s = time.perf_counter() - started
                 facts = self._facts(scope, status)
+                self._observe(scope["method"], str(facts["route"]), status, took_s)
                 span.name(f"{scope['method']} {facts['route']}")
                 span.note(**facts, request=number)
                 span.failed(status >= 500)
-                tell(
-                    logger,
-                    "request",
-                    level=_level(scope["path"], status),
-                    **facts,
-                    seconds=time.perf_counter() - started,
-                    bytes=sent,
-                )
+                level = _level(scope["path"], status)
+                tell(logger, "request", level=level, **facts, seconds=took_s, bytes=sent)
 
     @staticmethod
     def _facts(scope: Scope, status: int) -> dict[str, object]:

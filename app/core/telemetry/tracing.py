@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 from app.core.settings import Settings, SettingsError
@@ -38,17 +38,16 @@ _NO_SPAN = Span()
 _tracer: _Tracer | None = None
 
 
-@contextmanager
-def span(name: str, *, server: bool = False, parent: str | None = None, **facts: object) -> Iterator[Span]:
+def span(
+    name: str, *, server: bool = False, parent: str | None = None, **facts: object
+) -> AbstractContextManager[Span]:
     """A stretch of work, within the one that surrounds it or that ``parent`` (a ``traceparent``) names.
 
     ``server``: it answers somebody outside. An error that leaves the block marks it as failed, by its class alone.
     """
     if _tracer is None:
-        yield _NO_SPAN
-        return
-    with _tracer.span(name, server, parent, {**present_ids(), **facts}) as span:
-        yield span
+        return nullcontext(_NO_SPAN)
+    return _tracer.span(name, server, parent, {**present_ids(), **facts})
 
 
 def traceparent() -> str | None:

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.core.http import EXAMPLE_ID, Link, link
-from app.core.tables.trials import TRIAL_STATUSES
+from app.core.tables.requests import TRIAL_STATUSES
 from app.core.text import GEO_JSON, Moment
 from app.drives.documents import EXAMPLE_DRIVE, Failure
 from app.jobs.requests.store import Request

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from app.core.errors import NotFoundError, TooManyError
 from app.core.settings import Settings
 from app.core.tables import IS_SHOWN, Drive
-from app.core.tables.trials import DriveTrial
+from app.core.tables.requests import DriveTrial
 from app.drives.trials.documents import KEPT, MOST_OF_A_DRIVE, Trial
 from app.jobs.requests.store import RequestStore
 from app.jobs.task import Kind

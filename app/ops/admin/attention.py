@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import text
+from sqlalchemy import TextClause, text
 from sqlalchemy.orm import Session
 
 from app.network.marks import PATIENCE
@@ -32,26 +32,23 @@ _FAILED = text(
     GROUP BY failure_kind HAVING sum(drives) > 0 ORDER BY 2 DESC, 1
     """
 )
-# What runs and what is removed are few, and have an index by status.
-_STUCK = text(
-    """
-    SELECT count(*), extract(epoch FROM clock_timestamp() - min(started_at)) FROM drives
-    WHERE status = 'running' AND started_at < clock_timestamp() - make_interval(secs => :age_s)
-    """
-)
-_REMOVALS = text(
-    """
-    SELECT count(*), extract(epoch FROM clock_timestamp() - min(finished_at)) FROM drives
-    WHERE status = 'cancelled' AND finished_at < clock_timestamp() - make_interval(secs => :age_s)
-    """
-)
-# By the index on what waits. Drives of batches may wait: they are behind all others.
-_WAITING = text(
-    """
-    SELECT count(*), extract(epoch FROM clock_timestamp() - min(queued_at)) FROM drives
-    WHERE status = 'queued' AND batch_id IS NULL AND queued_at < clock_timestamp() - make_interval(secs => :age_s)
-    """
-)
+
+
+def _drives_since(moment: str, condition: str) -> TextClause:
+    """How many drives have been in a state for longer than ``age_s``, and for how long the first of them."""
+    return text(
+        f"""
+        SELECT count(*), extract(epoch FROM clock_timestamp() - min({moment})) FROM drives
+        WHERE {condition} AND {moment} < clock_timestamp() - make_interval(secs => :age_s)
+        """  # noqa: S608 - constants
+    )
+
+
+# What runs and what is removed are few, and have an index by status; what waits has one of its own. Drives of batches
+# may wait: they are behind all others.
+_STUCK = _drives_since("started_at", "status = 'running'")
+_REMOVALS = _drives_since("finished_at", "status = 'cancelled'")
+_WAITING = _drives_since("queued_at", "status = 'queued' AND batch_id IS NULL")
 _UNSOLVED = text(
     """
     SELECT count(DISTINCT cell), extract(epoch FROM clock_timestamp() - min(made_at)) FROM network_marks

@@ -2,40 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy.orm import Session
 
 from app.core.telemetry import audit
 from app.map.statistics import figures
 from app.map.statistics.growth import growth
-from app.ops.admin import flow, store
+from app.ops.admin import store
 from app.ops.admin.attention import FAILED_DAYS, attention
+from app.ops.admin.store import Parameters, Read, Rows
 from fusion.registry import Registry
-
-Rows = list[dict[str, Any]]
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """The parameters of a request that queries use."""
-
-    days: int = 30
-    free_bytes: int | None = None
-    """Room for logs; None: nothing tells."""
-    least_bytes: int = 0
-    """So much of it is to stay free."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Rows, and of which moment they are; None: of this."""
-
-    rows: Rows
-    as_of: datetime | None = None
 
 
 @dataclass(frozen=True)
@@ -46,26 +25,25 @@ class AdminQuery:
     title: str
     description: str
     columns: Mapping[str, str]
-    read: Callable[[Session, Parameters], Answer]
-    kept: bool = False
-    """Made by a worker every ten minutes while the map changes, since it takes a look at all of it."""
+    now: Read | None = None
+    """How it is read; None: a worker makes it every ten minutes while the map changes, since it takes a look at all of
+    it."""
+
+    @property
+    def kept(self) -> bool:
+        """Whether it is of the moment at which a worker made it."""
+        return self.now is None
+
+    def read(self, session: Session, parameters: Parameters) -> tuple[Rows, datetime | None]:
+        """The rows, and of which moment they are; None: of this."""
+        if self.now is not None:
+            return self.now(session, parameters), None
+        # Before a worker has made them the first time they are made for who asks.
+        there = figures.kept(session, self.name)
+        return (figures.make(session, self.name), None) if there is None else (there.rows, there.made_at)
 
 
 QUERIES: Registry[AdminQuery] = Registry("query")
-
-
-def _live(read: Callable[[Session, Parameters], Rows]) -> Callable[[Session, Parameters], Answer]:
-    return lambda session, parameters: Answer(read(session, parameters))
-
-
-def _kept(name: str) -> Callable[[Session, Parameters], Answer]:
-    """From the table; before a worker has made them the first time they are made for who asks."""
-
-    def read(session: Session, _parameters: Parameters) -> Answer:
-        there = figures.kept(session, name)
-        return Answer(figures.make(session, name)) if there is None else Answer(there.rows, there.made_at)
-
-    return read
 
 
 for _query in (
@@ -82,7 +60,7 @@ for _query in (
             "what": "A sentence",
             "link": "Where it is listed, below this service's address",
         },
-        _live(lambda session, parameters: attention(session, parameters.free_bytes, parameters.least_bytes)),
+        lambda session, asked: attention(session, asked.free_bytes, asked.least_bytes),
     ),
     AdminQuery(
         "drives",
@@ -95,14 +73,14 @@ for _query in (
             "km": "Length of all of them",
             "uploaded_bytes": "Size of their logs",
         },
-        _live(lambda session, parameters: store.drives_by_day(session, parameters.days)),
+        store.drives_by_day,
     ),
     AdminQuery(
         "queue",
         "What waits and runs",
         "Depth of the queue and the longest wait, by what waits.",
         {"kind": "What", "jobs": "How many", "oldest_s": "Seconds since the first of them came, or began"},
-        _live(lambda session, _parameters: store.queue(session)),
+        store.queue,
     ),
     AdminQuery(
         "failures",
@@ -116,7 +94,7 @@ for _query in (
             "latest_at": "When that was uploaded",
             "latest_drive": "Its id",
         },
-        _live(lambda session, parameters: store.failures(session, parameters.days)),
+        store.failures,
     ),
     AdminQuery(
         "times",
@@ -134,13 +112,13 @@ for _query in (
             "published_p95_s": "",
             "computed_p50_s_per_km": "Computing, for each kilometre driven",
         },
-        _live(lambda session, _parameters: store.times(session)),
+        store.times,
     ),
     AdminQuery(
         "throughput",
         "What ended when",
-        f"Drives by when they ended, by the hour of up to {flow.HOURLY_DAYS} days, else by the day. Medians are those "
-        f"of the latest in each, {flow.SAMPLED} in all.",
+        f"Drives by when they ended, by the hour of up to {store.HOURLY_DAYS} days, else by the day. Medians are those "
+        f"of the latest in each, {store.SAMPLED} in all.",
         {
             "at": "When the hour, or the day, began, UTC",
             "done": "How many were done",
@@ -150,7 +128,7 @@ for _query in (
             "computed_p50_s": "By a worker",
             "published_p50_s": "Until its cells were solved",
         },
-        _live(lambda session, parameters: flow.throughput(session, parameters.days)),
+        store.throughput,
     ),
     AdminQuery(
         "growth",
@@ -163,7 +141,7 @@ for _query in (
             "driven_segments": "How many have a slope that a drive stands behind",
             "driven_km": "Their length",
         },
-        _live(lambda session, parameters: growth(session, parameters.days)),
+        lambda session, asked: growth(session, asked.days),
     ),
     AdminQuery(
         "coverage",
@@ -177,8 +155,6 @@ for _query in (
             "driven_segments": "How many have a slope that a drive stands behind",
             "driven_km": "Their length",
         },
-        _kept("coverage"),
-        kept=True,
     ),
     AdminQuery(
         "sigmas",
@@ -190,8 +166,6 @@ for _query in (
             "segments": "How many",
             "km": "Their length",
         },
-        _kept("sigmas"),
-        kept=True,
     ),
     AdminQuery(
         "disagreements",
@@ -212,8 +186,6 @@ for _query in (
             "farthest_sigmas": "How far from the published slope the farthest is, in its own sigmas",
             "drives_unheard": "Deprecated: former name of drives_rejected",
         },
-        _kept("disagreements"),
-        kept=True,
     ),
     AdminQuery(
         "terrain",
@@ -228,8 +200,6 @@ for _query in (
             "rms_difference_percent": "Root of the mean square",
             "rms_sigma_percent": "The same of the drives' own sigmas: what of it may be theirs",
         },
-        _kept("terrain"),
-        kept=True,
     ),
     AdminQuery(
         "tiles",
@@ -242,15 +212,13 @@ for _query in (
             "bytes": "Their size",
             "stale": "How many are older than the map",
         },
-        _kept("tiles"),
-        kept=True,
     ),
     AdminQuery(
         "versions",
         "Versions of everything",
         "What runs here, and on what.",
         {"what": "Of what", "version": "Which", "detail": "What is to be known of it"},
-        _live(lambda session, _parameters: flow.versions(session)),
+        store.versions,
     ),
     AdminQuery(
         "audit",
@@ -264,7 +232,7 @@ for _query in (
             "detail": "What else was said, as JSON",
             "origin": "Address and program of whoever asked",
         },
-        _live(lambda session, parameters: [row._asdict() for row in audit.entries(session, parameters.days)]),
+        lambda session, asked: audit.entries(session, asked.days),
     ),
     AdminQuery(
         "storage",
@@ -277,7 +245,7 @@ for _query in (
             "table_bytes": "With what is kept out of line; of logs as they were uploaded",
             "index_bytes": "Of its indexes",
         },
-        _live(lambda session, _parameters: store.storage(session)),
+        store.storage,
     ),
 ):
     QUERIES.add(_query.name, _query)

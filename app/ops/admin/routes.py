@@ -8,6 +8,7 @@ import json
 import uuid
 from datetime import UTC, date, datetime
 from decimal import Decimal
+from email.utils import format_datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Path, Query, Request, Response
@@ -17,7 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.core.errors import NotFoundError
 from app.core.http import BaseUrl, Link, ServiceDep, json_answer, link, preferred, problems
 from app.core.text import utc_text
-from app.ops.admin.queries import QUERIES, AdminQuery, Parameters
+from app.ops.admin.queries import QUERIES, AdminQuery
+from app.ops.admin.store import Parameters
 
 JSON, CSV = "application/json", "text/csv"
 DIGITS = 6
@@ -113,9 +115,9 @@ def query(
     now = datetime.now(UTC)
     room = service.blobs.free_bytes(), service.settings.min_free_bytes
     with service.reading() as session:
-        answer = chosen.read(session, Parameters(days, *room))
-    rows = [{column: _plain(row.get(column)) for column in chosen.columns} for row in answer.rows]
-    as_of = utc_text(answer.as_of or now)
+        answered, made_at = chosen.read(session, Parameters(days, *room))
+    rows = [{column: _plain(row.get(column)) for column in chosen.columns} for row in answered]
+    as_of = made_at or now
     media_type = (
         {"json": JSON, "csv": CSV}.get(f or "")
         or preferred(request.headers.get("accept"), (JSON, CSV))
@@ -126,12 +128,12 @@ def query(
         return Response(
             _csv(chosen, rows),
             media_type=CSV,
-            headers={**headers, "Last-Modified": _http(answer.as_of or now)},
+            headers={**headers, "Last-Modified": format_datetime(as_of.astimezone(UTC), usegmt=True)},
         )
     document = {
         "name": chosen.name,
         "title": chosen.title,
-        "as_of": as_of,
+        "as_of": utc_text(as_of),
         "columns": dict(chosen.columns),
         "rows": rows,
     }
@@ -161,7 +163,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, date | uuid.UUID):
         return str(value)
     return value
-
-
-def _http(moment: datetime) -> str:
-    return moment.astimezone(UTC).strftime("%a, %d %b %Y %H:%M:%S GMT")

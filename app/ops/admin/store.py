@@ -2,15 +2,59 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.schema import schema_state
+from app.core.version import code_version
+
 LATEST_DRIVES = 5000
 """Of how many drives the times are told: the latest."""
+HOURLY_DAYS = 2
+"""So many days at most are told by the hour."""
+SAMPLED = 6000
+"""Of how many drives at most medians are told, an equal part of each hour or day, the latest in it."""
+LEAST_SAMPLED = 20
 
-_BY_DAY = text(
+Rows = list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The parameters of a request that queries use."""
+
+    days: int = 30
+    free_bytes: int | None = None
+    """Room for logs; None: nothing tells."""
+    least_bytes: int = 0
+    """So much of it is to stay free."""
+
+
+Read = Callable[[Session, Parameters], Rows]
+
+
+def _by(query: str) -> Read:
+    """The rows of a statement, which may name the days that are asked for and the constants above."""
+    statement = text(query)
+
+    def read(session: Session, parameters: Parameters) -> Rows:
+        values = {
+            "days": parameters.days,
+            "unit": "hour" if parameters.days <= HOURLY_DAYS else "day",
+            "latest": LATEST_DRIVES,
+            "sampled": SAMPLED,
+            "least": LEAST_SAMPLED,
+        }
+        return [dict(row._mapping) for row in session.execute(statement, values)]
+
+    return read
+
+
+drives_by_day = _by(
     """
     SELECT day, status, CAST(sum(drives) AS bigint) AS drives, greatest(sum(distance_m), 0) / 1000 AS km,
            CAST(sum(size_bytes) AS bigint) AS uploaded_bytes
@@ -18,9 +62,10 @@ _BY_DAY = text(
     GROUP BY day, status HAVING sum(drives) > 0 ORDER BY day DESC, status
     """
 )
+"""Drives by day of the upload and status."""
 
 # The reason of one of them, by the index on status and upload: the latest that failed so.
-_FAILURES = text(
+failures = _by(
     """
     SELECT f.kind, f.drives, f.drives / nullif(f.uploaded, 0) AS share, d.failure_reason AS latest_reason,
            d.created_at AS latest_at, d.id AS latest_drive
@@ -38,9 +83,10 @@ _FAILURES = text(
     ORDER BY f.drives DESC, f.kind
     """
 )
+"""Failed drives by reason."""
 
 # Waiting, computing, publishing: the three things that a drive's time goes into.
-_TIMES = text(
+times = _by(
     """
     SELECT method, count(*) AS drives,
            percentile_cont(0.5) WITHIN GROUP (ORDER BY waited) AS waited_p50_s,
@@ -57,9 +103,10 @@ _TIMES = text(
     GROUP BY method ORDER BY drives DESC, method
     """
 )
+"""What drives' time went into, by method."""
 
 # Through the queue's own indexes; what runs is few.
-_QUEUE = text(
+queue = _by(
     """
     SELECT kind, count(*) AS jobs, extract(epoch FROM clock_timestamp() - min(since)) AS oldest_s FROM (
         SELECT 'drive, uploaded or asked for' AS kind, d.queued_at AS since FROM drives AS d
@@ -73,8 +120,40 @@ _QUEUE = text(
     GROUP BY kind ORDER BY kind
     """
 )
+"""What waits and what runs."""
 
-_LOGS = text(
+# Counts by the index on the end, which holds all that they need; medians of the latest drives of each bucket alone.
+throughput = _by(
+    """
+    WITH counted AS (
+        SELECT date_trunc(:unit, finished_at, 'UTC') AS at, count(*) FILTER (WHERE status = 'done') AS done,
+               count(*) FILTER (WHERE status = 'failed') AS failed,
+               coalesce(sum(distance_m) FILTER (WHERE status = 'done'), 0) / 1000 AS km
+        FROM drives
+        WHERE finished_at >= date_trunc(:unit, now() - make_interval(days => CAST(:days AS integer)), 'UTC')
+            AND finished_at IS NOT NULL
+        GROUP BY 1
+    )
+    SELECT c.at, c.done, c.failed, c.km, m.waited_p50_s, m.computed_p50_s, m.published_p50_s
+    FROM counted AS c CROSS JOIN LATERAL (
+        SELECT percentile_cont(0.5) WITHIN GROUP (ORDER BY waited) AS waited_p50_s,
+               percentile_cont(0.5) WITHIN GROUP (ORDER BY computed) AS computed_p50_s,
+               percentile_cont(0.5) WITHIN GROUP (ORDER BY published) AS published_p50_s
+        FROM (SELECT extract(epoch FROM started_at - queued_at) AS waited,
+                     extract(epoch FROM coalesce(computed_at, finished_at) - started_at) AS computed,
+                     extract(epoch FROM finished_at - computed_at) AS published
+              FROM (SELECT * FROM drives
+                    WHERE finished_at >= c.at AND finished_at < c.at + CAST('1 ' || :unit AS interval)
+                    ORDER BY finished_at DESC LIMIT greatest(:least, :sampled / (SELECT count(*) FROM counted)))
+                   AS late
+              WHERE status = 'done') AS each) AS m
+    WHERE c.done + c.failed > 0
+    ORDER BY c.at
+    """
+)
+"""What ended in each hour, or, of more than ``HOURLY_DAYS`` days, on each day, by the clock of UTC."""
+
+_logs = _by(
     """
     SELECT 'uploaded logs' AS name, CAST(coalesce(sum(drives), 0) AS bigint) AS rows_about,
            CAST(coalesce(sum(size_bytes), 0) AS bigint) AS table_bytes, 0 AS index_bytes
@@ -83,7 +162,7 @@ _LOGS = text(
 )
 
 # Parts of a partitioned table count as that; the table of a queue is the queue's.
-_STORAGE = text(
+_tables = _by(
     """
     SELECT coalesce(p.relname, c.relname) AS name, CAST(sum(greatest(c.reltuples, 0)) AS bigint) AS rows_about,
            CAST(sum(pg_table_size(c.oid)) AS bigint) AS table_bytes,
@@ -95,32 +174,40 @@ _STORAGE = text(
     """
 )
 
-
-def drives_by_day(session: Session, days: int) -> list[dict[str, Any]]:
-    """Drives by day of the upload and status."""
-    return _rows(session, _BY_DAY, days=days)
-
-
-def failures(session: Session, days: int) -> list[dict[str, Any]]:
-    """Failed drives by reason."""
-    return _rows(session, _FAILURES, days=days, latest=LATEST_DRIVES)
+_SERVER = text("SELECT current_setting('server_version'), postgis_lib_version()")
+_ROADS = text("SELECT id, region, source_name, imported_at FROM road_versions ORDER BY id DESC LIMIT 1")
+_ELEVATION = text(
+    "SELECT id, datum, imported_at, jsonb_array_length(sources) AS rasters FROM dem_versions WHERE active"
+)
 
 
-def times(session: Session) -> list[dict[str, Any]]:
-    """What drives' time went into, by method."""
-    return _rows(session, _TIMES, latest=LATEST_DRIVES)
-
-
-def queue(session: Session) -> list[dict[str, Any]]:
-    """What waits and what runs."""
-    return _rows(session, _QUEUE)
-
-
-def storage(session: Session) -> list[dict[str, Any]]:
+def storage(session: Session, parameters: Parameters) -> Rows:
     """The logs, then tables and their indexes, the largest first."""
-    logs = [{"kind": "logs", **row} for row in _rows(session, _LOGS)]
-    return logs + [{"kind": "table", **row} for row in _rows(session, _STORAGE)]
+    logs = [{"kind": "logs", **row} for row in _logs(session, parameters)]
+    return logs + [{"kind": "table", **row} for row in _tables(session, parameters)]
 
 
-def _rows(session: Session, query: Any, **values: Any) -> list[dict[str, Any]]:
-    return [dict(row._mapping) for row in session.execute(query, values)]
+def versions(session: Session, _parameters: Parameters) -> Rows:
+    """Of the program, the schema, the server, roads and elevation: ``what``, ``version``, ``detail``."""
+    state = schema_state(session)
+    server, postgis = session.execute(_SERVER).one()
+    roads = session.execute(_ROADS).one_or_none()
+    elevation = session.execute(_ELEVATION).one_or_none()
+    shown = (
+        ("code", code_version(), None),
+        ("schema", state.revision, f"serves programs from {state.oldest_program} on"),
+        ("postgresql", server, None),
+        ("postgis", postgis, None),
+        ("roads", None, "none")
+        if roads is None
+        else ("roads", str(roads.id), f"{roads.source_name}, {roads.imported_at:%Y-%m-%d %H:%M} UTC"),
+        ("elevation", None, "none")
+        if elevation is None
+        else (
+            "elevation",
+            str(elevation.id),
+            f"{elevation.rasters} raster(s), heights above {elevation.datum}, "
+            f"{elevation.imported_at:%Y-%m-%d %H:%M} UTC",
+        ),
+    )
+    return [{"what": what, "version": version, "detail": detail} for what, version, detail in shown]

@@ -155,7 +155,7 @@ def test_room_that_is_to_stay_free_is_left(tmp_path: Path, monkeypatch: pytest.M
     free = store.free_bytes()
     assert free is not None
     assert 0 < free <= shutil.disk_usage(tmp_path).total
-    monkeypatch.setattr("app.core.blobs.free_bytes", lambda fs, root: 1000)
+    monkeypatch.setattr("app.core.filesystems.free_bytes", lambda fs, root: 1000)
     with pytest.raises(StorageFullError):
         store.writer(keep_free_bytes=900, expected_bytes=101)
     with store.writer(keep_free_bytes=900, expected_bytes=100) as writer, pytest.raises(StorageFullError):

@@ -14,10 +14,9 @@ import pytest
 from app.cli.console import Console
 from app.cli.supervisor import Service
 from app.core.settings import Settings
-from app.demo.baselines import straight_lines
 from app.demo.command import show_scores
 from app.demo.files import figures, map_address, write_files
-from app.demo.run import DemoError, demo_service, run_demo
+from app.demo.run import DemoError, demo_service, run_demo, straight_lines
 from app.demo.score import Estimate, Truth, by_kind, by_structure, examples, score
 from fusion.simulate.scene.town import Town
 

@@ -171,7 +171,7 @@ def test_a_disk_that_fills_up_in_the_middle_of_a_zip_leaves_nothing(
 ) -> None:
     broken = bundle_in(blobs)
     broken.take([Piece(0, "a.obs", OBS), Piece(1, "a.nav", NAV)])
-    monkeypatch.setattr("app.core.blobs.free_bytes", lambda fs, root: 10)
+    monkeypatch.setattr("app.core.filesystems.free_bytes", lambda fs, root: 10)
     broken._writer._keep_free_bytes = 1
     with pytest.raises(StorageFullError):
         broken.take([Piece(1, "a.nav", NAV)])

@@ -17,9 +17,9 @@ import pytest
 from app.core.settings.places import libpq_url
 from app.embedded.account import account_for
 from app.embedded.cluster import EmbeddedPostgres
+from app.embedded.data_folder import LONGEST_SOCKET_PATH_BYTES
 from app.embedded.errors import EmbeddedPostgresError
 from app.embedded.postmaster import running_postmaster
-from app.embedded.sockets import LONGEST_SOCKET_PATH_BYTES
 
 pytestmark = pytest.mark.db
 

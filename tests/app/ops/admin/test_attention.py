@@ -9,7 +9,8 @@ from sqlalchemy import text
 
 from app.map.statistics import figures, growth
 from app.ops.admin.attention import attention
-from app.ops.admin.queries import QUERIES, Parameters
+from app.ops.admin.queries import QUERIES
+from app.ops.admin.store import Parameters
 from web_fixtures import Web, add_drive
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from app.embedded.account import Account
+from app.embedded.data_folder import clear_sockets, prepare_socket_dir
 from app.embedded.errors import EmbeddedPostgresError
-from app.embedded.sockets import clear_sockets, prepare_socket_dir
 
 OURSELVES = Account(None, None)
 
