@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Column, Record, Segment, Way
 from fusion.errors import BadOptionsError
 
@@ -140,6 +141,6 @@ class TableFormat(Format):
         The iterable is consumed once and never held as a whole.
         """
 
-    @abstractmethod
     def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:
-        """As ``Format``."""
+        """The style for QGIS."""
+        return style_beside(path)

@@ -20,8 +20,7 @@ from app.core.settings import Settings
 from app.core.telemetry.logs import tell
 from app.exports import store
 from app.exports.documents import Export
-from app.exports.making import Made, asked_again, make_file
-from app.exports.provenance import data_state
+from app.exports.making import Made, asked_again, data_state, make_file
 from app.exports.source import snapshot
 from app.exports.store import exports
 from app.jobs.requests.run import Discarded, RequestKind, RequestRun, expected_failure

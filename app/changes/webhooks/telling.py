@@ -15,8 +15,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from app.changes.pages import count_since
-from app.changes.store import Since, State, parse_since, state, text_of
+from app.changes.store import Since, State, count_since, parse_since, state, text_of
 from app.changes.webhooks import sending, store
 from app.changes.webhooks.store import SEGMENTS_CHANGED, Due, WebhookRow
 from app.core.db import Sessions

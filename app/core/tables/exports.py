@@ -23,7 +23,7 @@ class Export(RequestColumns, Base):
     request_sha256: Mapped[str]
     """Of the request and of the version of the program."""
     data_version: Mapped[str | None]
-    """Of the snapshot that it is made from (``app.exports.provenance``); NULL until it runs."""
+    """Of the snapshot that it is made from (``app.exports.making``); NULL until it runs."""
     provenance: Mapped[dict[str, Any] | None]
     companions: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
     """The small files that belong beside it: name -> text."""

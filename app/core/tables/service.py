@@ -74,7 +74,7 @@ class ProcessTotals(Base):
 
 
 class KeptFigures(Base):
-    """Figures that take a look at the whole map, as a worker made them last (``app.map.statistics.figures``)."""
+    """Figures that take a look at the whole map, as a worker made them last (``app.map.figures``)."""
 
     __tablename__ = "kept_figures"
 

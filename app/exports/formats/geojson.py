@@ -9,7 +9,6 @@ from typing import Any
 
 from app.core.text import GEO_JSON, dumps
 from app.exports.format import Stated, TableFormat
-from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Record
 
 
@@ -48,10 +47,6 @@ class GeoJson(TableFormat):
         with path.open("w", encoding="utf-8") as file:
             file.writelines(collection_chunks(counted(), _members(stated)))
         return count
-
-    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
-        """The style for QGIS."""
-        return style_beside(path)
 
 
 def _members(stated: Stated) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from app.exports.format import WAY_FILTERS, WAYS, Stated, TableFormat
-from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Record
 from fusion.types import Floats
 
@@ -46,14 +45,11 @@ class GeoParquet(TableFormat):
             for table in arrow_tables(records, ROWS_PER_GROUP, self.layer):
                 writer.write_table(table)
                 count += len(table)
-                bounds = _grown(bounds, bounds_deg(table))
+                more = bounds_deg(table)
+                bounds = np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
             geo = json.dumps(_metadata(GEOMETRY, bounds))
             writer.add_key_value_metadata({"geo": geo, **stated})
         return count
-
-    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
-        """The style for QGIS."""
-        return style_beside(path)
 
 
 class WayParquet(GeoParquet):
@@ -64,11 +60,6 @@ class WayParquet(GeoParquet):
     layer = WAYS
     holds = WAYS.name
     filters = WAY_FILTERS
-
-
-def _grown(bounds: Floats, more: Floats) -> Floats:
-    grown: Floats = np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
-    return grown
 
 
 def _metadata(geometry: str, bounds: Floats) -> dict[str, Any]:

@@ -21,9 +21,15 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.map.derived import store
-from app.map.derived.drawn_cells import Redrawn, draw_above, draw_block
-from app.map.derived.drawn_store import changed_tiles, raise_drawn, replace_pieces
-from app.map.derived.levels import ABOVE, BLOCK, FINEST, children, parent
+from app.map.derived.drawn_store import (
+    Redrawn,
+    changed_tiles,
+    draw_above,
+    draw_block,
+    raise_drawn,
+    replace_pieces,
+)
+from app.map.derived.pieces import ABOVE, BLOCK, FINEST, children, parent
 from app.map.derived.store import Moment
 from app.map.derived.way_store import rows_of, segments_of, write_ways
 from app.network.swap import snapshot

@@ -16,7 +16,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.map.derived.levels import BLOCK, FINEST
+from app.map.derived.pieces import BLOCK, FINEST
 
 # Any constant that no other user of this database takes.
 _DERIVE = 0x5653_4456  # "VSDV"

@@ -10,12 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from app.core.errors import BadRequestError
 from app.core.http import Service, ServiceDep, problems
-from app.map.attribution import attribution
 from app.map.heights import places as reading
-from app.map.heights.choice import OnRoad, along_line, nearest
-from app.map.heights.road_heights import RoadHeight, heights_of
+from app.map.heights.road_heights import OnRoad, RoadHeight, along_line, heights_of, nearest
 from app.map.heights.store import roads_near
-from app.map.segment import HEIGHT_DATUM
+from app.map.segment import HEIGHT_DATUM, attribution
 from app.terrain.coverage import names_over
 from app.terrain.store import current_dem
 from fusion.types import Floats
@@ -160,7 +158,7 @@ def get_height(
     try:
         request = HeightRequest.model_validate(json.loads(json_))
     except (ValueError, RecursionError) as error:
-        raise BadRequestError(f"json: {_reason(error)}", field="json") from None
+        raise BadRequestError.about("json", f"{_reason(error)}") from None
     return _answer(service, request)
 
 
@@ -211,10 +209,10 @@ def elevation(
         raise BadRequestError("Give locations, or path with samples.", field="locations")
     if path is not None:
         if samples is None:
-            raise BadRequestError("samples: how many places along path? 2 or more.", field="samples")
+            raise BadRequestError.about("samples", "how many places along path? 2 or more.")
         line = reading.from_text(path, "path", MOST_LOCATIONS)
         if len(line) < 2:
-            raise BadRequestError("path: a line has two places or more.", field="path")
+            raise BadRequestError.about("path", "a line has two places or more.")
         places = reading.spread(line, samples)
     else:
         places = reading.from_text(locations or "", "locations", MOST_LOCATIONS)

@@ -21,28 +21,26 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from app.core.text import whole_file
-from app.map.attribution import OSM_ATTRIBUTION
 from app.map.picture.key import (
+    ARROW_COLOUR,
     INK,
     MUTED,
     SMALL_PT,
+    STEEPNESS,
     TEXT_PT,
     WIDTH_IN,
     Signs,
     Style,
     colour_rows,
     draw_key,
+    draw_known,
+    draw_unknown,
     from_upper_left,
     height_in,
     rows_of,
-)
-from app.map.picture.roads import (
-    ARROW_COLOUR,
-    STEEPNESS,
-    draw_known,
-    draw_unknown,
     unknown_look,
 )
+from app.map.picture.lettering import is_writable, place_names, points_along, width_pt, wrapped
 from app.map.picture.slope_map import (
     SURE_WIDTH_PT,
     MapError,
@@ -51,8 +49,7 @@ from app.map.picture.slope_map import (
     frame_around,
     picture_format,
 )
-from app.map.picture.street_names import place_names, points_along
-from app.map.picture.text import is_writable, width_pt, wrapped
+from app.map.segment import OSM_ATTRIBUTION
 from fusion.frames import LocalProjection
 from fusion.types import Floats
 

@@ -2,7 +2,7 @@
 
 They are data in the language of MapLibre's style specification, version 8. Tiles bring a road's class, its slope, its
 sigma and drives, and of segments the elevation model's slope, bridges and tunnels; everything is said with these.
-Colour is one thing (``app.map.style.shown``); width is the road's class and, where measured slopes are shown, certainty
+Colour is one thing (``app.map.style.scale``); width is the road's class and, where measured slopes are shown, certainty
 too, as on the service's own pictures. Bridges have rims, tunnels are dashed.
 """
 
@@ -19,9 +19,8 @@ from app.map.picture.slope_map import (
     UNSURE_SIGMA_PERCENT,
     UNSURE_WIDTH_PT,
 )
-from app.map.style.scale import ColourScale
-from app.map.style.shown import SIGMA, Expression, Shown
-from app.map.style.sprites import UPHILL
+from app.map.style.scale import SIGMA, ColourScale, Expression, Shown
+from app.map.style.signs import UPHILL
 
 SOURCE, LAYER = "slopes", "segments"
 """Name of the tiles in the style, and of their layer of segments; at low zooms it holds merged roads."""
@@ -186,11 +185,7 @@ def _arrows(theme: Theme, shown: Shown, slope: Expression) -> dict[str, Any]:
             "icon-keep-upright": False,
             "icon-padding": _by_zoom([10, 10, 10, 3, 3]),
         },
-        "paint": {
-            "icon-color": theme.arrow,
-            "icon-halo-color": theme.arrow_edge,
-            "icon-halo-width": 1,
-        },
+        "paint": {"icon-color": theme.arrow, "icon-halo-color": theme.arrow_edge, "icon-halo-width": 1},
     }
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from app.core.http import Link, Service, link, link_documents
 from app.core.settings import Settings
-from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution, attribution_html
 from app.map.coverage import cached_extent, dem_names
+from app.map.segment import OSM_LICENSE, OSM_LICENSE_URL, attribution, attribution_html
 from app.map.tiles.front import MVT, QUAD
 from app.map.tiles.store import EDGE_DEG, SEGMENTS, WAYS, column_of, row_of
 from app.map.tiles.tiles import WAYS_FROM_ZOOM

@@ -10,8 +10,8 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from app.core.telemetry import audit
-from app.map.statistics import figures
-from app.map.statistics.growth import growth
+from app.map import figures
+from app.map.figures import growth
 from app.ops.admin import flow, store
 from app.ops.admin.attention import FAILED_DAYS, attention
 from fusion.registry import Registry
