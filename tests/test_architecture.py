@@ -55,7 +55,7 @@ SQL_PLACES = {
         "exports/store.py",
         "jobs/computations.py",
         "jobs/requests/store.py",
-        "map/derived/store.py",
+        "map/derived/following.py",
         "map/derived/drawn_store.py",
         "map/heights/store.py",
         "map/items/store.py",

@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple, Protocol
 import psycopg
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import StreamingResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from app.changes import store
 from app.changes.store import Page, Since, page_since
@@ -56,10 +56,8 @@ class ChangedSegment(BaseModel):
     gone: bool = Field(description="There is no such segment any more.")
 
 
-class ChangeList(BaseModel):
+class ChangeList(BaseModel, json_schema_extra={"examples": [_EXAMPLE]}):
     """One page of the changes since a version."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     since: str | None = Field(description="The version that was asked for.")
     version: str = Field(description="Where to go on from: `since` of the next request, now or in a month.")

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from typing import Any, NamedTuple
 
@@ -295,7 +295,7 @@ def page_since(session: Session, now: State, since: Since, limit: int, bbox: Bou
 
 
 def count_since(
-    session: Session, now: State, since: Since, most: int, bbox: Bounds | None = None
+    session: Session, now: State, since: Since, most: int, bbox: Sequence[float] | None = None
 ) -> tuple[int, int, bool]:
     """Of the first ``most`` changes: how many are in the box, how many of these gone; and whether these are all."""
     looked, inside, gone = 0, 0, 0
@@ -312,7 +312,9 @@ def prune(sessions: Sessions, kept_days: float) -> int:
         return int(session.execute(_PRUNE, {"age_s": 86400.0 * kept_days}).scalar() or 0)
 
 
-def _rows(session: Session, now: State, since: Since, limit: int, bbox: Bounds | None) -> Iterator[Any]:
+def _rows(
+    session: Session, now: State, since: Since, limit: int, bbox: Sequence[float] | None
+) -> Iterator[Any]:
     values: dict[str, Any] = {"xid": since.xid, "segment_id": since.segment_id, "until": now.horizon}
     if bbox is None:
         return iter(session.execute(_PAGE, {**values, "limit": limit}))

@@ -191,39 +191,24 @@ def kept(session: Session, name: str) -> Kept | None:
     return None if row is None else Kept(list(row.rows), row.made_at)
 
 
-def state(session: Session) -> str:
-    """Of all that the figures are computed from but rejected passes, which come with slopes."""
-    return str(session.execute(_STATE).scalar_one())
-
-
-def due(session: Session, state_now: str, age_s: float) -> str | None:
-    """The name of figures that are of another state and older than that, or were never made."""
-    values = {"names": sorted(KEPT), "state": state_now, "age_s": age_s}
-    name = session.execute(_DUE, values).scalar_one_or_none()
-    return None if name is None else str(name)
-
-
-def keep(session: Session, name: str, rows: list[dict[str, Any]], took_s: float, state_then: str) -> None:
-    """Put these figures in the place of those before."""
-    values = {"name": name, "rows": json.dumps(rows), "took_s": took_s, "state": state_then}
-    session.execute(_KEEP, values)
-
-
 def renew_one(sessions: Sessions) -> bool:
     """Make those figures again that are out of date the longest; whether there were any.
 
     Two workers may make the same at once; both are right.
     """
     with sessions() as session:
-        state_then = state(session)
-        name = due(session, state_then, KEPT_S)
+        # Of all that the figures are computed from but rejected passes, which come with slopes.
+        state_then = str(session.execute(_STATE).scalar_one())
+        values = {"names": sorted(KEPT), "state": state_then, "age_s": KEPT_S}
+        name = session.execute(_DUE, values).scalar_one_or_none()
         if name is None:
             return False
         began = time.monotonic()
         rows = make(session, name)
         took_s = time.monotonic() - began
+    of_state = "" if name in OF_NO_STATE else state_then
     with sessions.begin() as session:
-        keep(session, name, rows, took_s, "" if name in OF_NO_STATE else state_then)
+        session.execute(_KEEP, {"name": name, "rows": json.dumps(rows), "took_s": took_s, "state": of_state})
     return True
 
 

@@ -17,6 +17,8 @@ from xml.sax.saxutils import escape
 from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, SLOPE_DIGITS, rounded, utc_text
 
 SHARE_DIGITS = 4
+CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
+"""Longitude and latitude, degrees."""
 HEIGHT_DATUM = "mean sea level as the receivers logged it, or the datum of control points near these"
 """What the service's heights refer to. Receivers subtract a geoid of their own, mostly a coarse EGM96."""
 

@@ -194,7 +194,10 @@ def segment_observations(
 
     Follow the `next` link until there is none; each drive comes once.
     """
-    place = None if after is None else _place(after)
+    place = None
+    if after is not None:
+        moment, number = parse_cursor(after)
+        place = moment, uuid.UUID(int=number)
     with service.reading() as session:
         existing(segments.get_segment(session, segment_id), "segment", segment_id)
         rows = segments.segment_observations(session, segment_id, limit=limit + 1, after=place)
@@ -209,11 +212,6 @@ def segment_observations(
     return ObservationList(
         segment_id=segment_id, observations=[Observation(**row._mapping) for row in shown], links=links
     )
-
-
-def _place(cursor: str) -> tuple[datetime, uuid.UUID]:
-    moment, number = parse_cursor(cursor)
-    return moment, uuid.UUID(int=number)
 
 
 PROFILE_EXAMPLE: dict[str, Any] = {
@@ -237,10 +235,8 @@ APART_M = 0.01
 """Places nearer to each other than this are one."""
 
 
-class SegmentProfile(BaseModel):
+class SegmentProfile(BaseModel, json_schema_extra={"examples": [PROFILE_EXAMPLE]}):
     """Heights along a segment; all columns have one value for each place, null where it is unknown."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [PROFILE_EXAMPLE]})
 
     segment_id: int
     length_m: Metres

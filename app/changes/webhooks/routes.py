@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from fastapi import APIRouter, Body, Path, Request, Response
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -12,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from app.changes.store import horizon, version_text
 from app.changes.webhooks import store
 from app.changes.webhooks.sending import RefusedError, check_url, new_secret
-from app.changes.webhooks.store import EVENTS, SEGMENTS_CHANGED, TEST, DeliveryRow, WebhookRow
+from app.changes.webhooks.store import EVENTS, SEGMENTS_CHANGED, TEST, WebhookRow
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, Link, Service, ServiceDep, existing, link, problems
 from app.core.query import refuse_unknown
@@ -83,20 +82,16 @@ Url = Annotated[
 ]
 
 
-class WebhookRequest(BaseModel):
+class WebhookRequest(BaseModel, extra="forbid", json_schema_extra={"examples": [_REQUEST]}):
     """An address that wants to be told."""
-
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [_REQUEST]})
 
     url: Url
     events: Events
     bbox: Box = None
 
 
-class WebhookChange(BaseModel):
+class WebhookChange(BaseModel, extra="forbid", json_schema_extra={"examples": [{"active": True}]}):
     """What is to be another way; what is not named stays."""
-
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"active": True}]})
 
     url: Url | None = None
     events: Events | None = None
@@ -106,10 +101,8 @@ class WebhookChange(BaseModel):
     )
 
 
-class Webhook(BaseModel):
+class Webhook(BaseModel, json_schema_extra={"examples": [_EXAMPLE]}):
     """An address that is told of events."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
 
     id: uuid.UUID
     url: str
@@ -124,11 +117,9 @@ class Webhook(BaseModel):
     links: list[Link] = Field(default_factory=list)
 
     @classmethod
-    def of(cls, row: WebhookRow, links: Sequence[Link] = ()) -> Webhook:
-        """Build from what the store returns."""
-        values = row._asdict()
-        del values["reported_version"]
-        return cls(**values, links=list(links))
+    def of(cls, row: WebhookRow, base: str, **more: Any) -> Self:
+        """Build from what the store returns, with its link."""
+        return cls(**row._asdict(), links=[link(f"{base}/v1/webhooks/{row.id}", "self")], **more)
 
 
 class WebhookCreated(Webhook):
@@ -156,13 +147,6 @@ class Delivery(BaseModel):
     next_at: Moment | None = Field(description="It is not sent before; null where it has ended.")
     ended_at: Moment | None
 
-    @classmethod
-    def of(cls, row: DeliveryRow) -> Delivery:
-        """Build from what the store returns."""
-        values = row._asdict()
-        due = values.pop("due_at")
-        return cls(**values | {"id": f"msg_{row.id.hex}"}, next_at=due if row.state == "waiting" else None)
-
 
 class WebhookWithDeliveries(Webhook):
     """The same with its newest messages."""
@@ -172,19 +156,17 @@ class WebhookWithDeliveries(Webhook):
     deliveries: list[Delivery] = Field(default_factory=list, description="The newest first.")
 
 
-class WebhookList(BaseModel):
+class WebhookList(BaseModel, json_schema_extra={"examples": [{"webhooks": [_EXAMPLE], "links": []}]}):
     """All of them."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"webhooks": [_EXAMPLE], "links": []}]})
 
     webhooks: list[Webhook]
     links: list[Link]
 
 
-class MessageAccepted(BaseModel):
+class MessageAccepted(
+    BaseModel, json_schema_extra={"examples": [{"delivery": _DELIVERY["id"], "links": []}]}
+):
     """A test message waits."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"delivery": _DELIVERY["id"], "links": []}]})
 
     delivery: str = Field(description="The message's id.")
     links: list[Link]
@@ -224,11 +206,10 @@ def add(
                 f"There are {MOST} webhooks already. Remove one that is not needed any more."
             )
         version = version_text(session, horizon(session)) if SEGMENTS_CHANGED in wish.events else None
-        box = None if wish.bbox is None else (wish.bbox[0], wish.bbox[1], wish.bbox[2], wish.bbox[3])
-        row = store.add_webhook(session, wish.url, secret, wish.events, box, version)
+        row = store.add_webhook(session, wish.url, secret, wish.events, wish.bbox, version)
     response.headers["Location"] = f"{base}/v1/webhooks/{row.id}"
     response.headers["Cache-Control"] = "no-store"
-    return WebhookCreated(**Webhook.of(row, _links(base, row.id)).model_dump(), secret=secret)
+    return WebhookCreated.of(row, base, secret=secret)
 
 
 @router.get("", summary="Who is told of events", responses=problems(422, 503))
@@ -237,8 +218,8 @@ def list_all(request: Request, service: ServiceDep, base: BaseUrl) -> WebhookLis
     refuse_unknown(request, (), BadRequestError)
     with service.reading() as session:
         rows = store.list_webhooks(session)
-    webhooks = [Webhook.of(row, _links(base, row.id)) for row in rows]
-    return WebhookList(webhooks=webhooks, links=[link(f"{base}/v1/webhooks", "self")])
+    links = [link(f"{base}/v1/webhooks", "self")]
+    return WebhookList(webhooks=[Webhook.of(row, base) for row in rows], links=links)
 
 
 @router.get("/{webhook_id}", summary="One of them, and its messages", responses=problems(404, 422, 503))
@@ -247,8 +228,7 @@ def get(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> WebhookWit
     with service.reading() as session:
         row: WebhookRow = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         deliveries = store.last_deliveries(session, webhook_id, SHOWN)
-    document = Webhook.of(row, _links(base, row.id)).model_dump()
-    return WebhookWithDeliveries(**document, deliveries=[Delivery.of(one) for one in deliveries])
+    return WebhookWithDeliveries.of(row, base, deliveries=deliveries)
 
 
 @router.patch(
@@ -278,7 +258,7 @@ def change(
         follows = SEGMENTS_CHANGED in changed.events
         version = (row.reported_version or version_text(session, horizon(session))) if follows else None
         row = store.change_webhook(session, changed._replace(reported_version=version))
-    return Webhook.of(row, _links(base, row.id))
+    return Webhook.of(row, base)
 
 
 @router.delete(
@@ -305,10 +285,6 @@ def send_test(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> Mess
         message = store.add_message(session, webhook_id, TEST, {"webhook_id": str(webhook_id)})
     links = [link(f"{base}/v1/webhooks/{webhook_id}", "monitor", title="What came of it")]
     return MessageAccepted(delivery=f"msg_{message.hex}", links=links)
-
-
-def _links(base: str, webhook_id: uuid.UUID) -> list[Link]:
-    return [link(f"{base}/v1/webhooks/{webhook_id}", "self")]
 
 
 def _check(service: Service, url: str) -> None:

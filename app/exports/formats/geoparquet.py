@@ -14,7 +14,6 @@ import numpy as np
 
 from app.exports.format import WAY_FILTERS, WAYS, Stated, TableFormat
 from app.map.segment import Record
-from fusion.types import Floats
 
 NO_BOUNDS = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
@@ -47,7 +46,10 @@ class GeoParquet(TableFormat):
                 count += len(table)
                 more = bounds_deg(table)
                 bounds = np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
-            geo = json.dumps(_metadata(GEOMETRY, bounds))
+            column: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
+            if np.all(np.isfinite(bounds)):
+                column["bbox"] = bounds.tolist()
+            geo = json.dumps({"version": "1.1.0", "primary_column": GEOMETRY, "columns": {GEOMETRY: column}})
             writer.add_key_value_metadata({"geo": geo, **stated})
         return count
 
@@ -60,11 +62,3 @@ class WayParquet(GeoParquet):
     layer = WAYS
     holds = WAYS.name
     filters = WAY_FILTERS
-
-
-def _metadata(geometry: str, bounds: Floats) -> dict[str, Any]:
-    """What the standard wants under the key ``geo``."""
-    column: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
-    if np.all(np.isfinite(bounds)):
-        column["bbox"] = [float(value) for value in bounds]
-    return {"version": "1.1.0", "primary_column": geometry, "columns": {geometry: column}}

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
-from app.core.text import dumps
+from app.core.text import dumps, varint
 from app.exports.format import Format, NoOptions, Stated
 from app.map.segment import OSM_LICENSE
 from app.network import ZOOM
@@ -165,16 +165,7 @@ def _directory(entries: list[_Entry]) -> bytes:
     for entry in entries:
         numbers.append(0 if entry.offset == ends else entry.offset + 1)
         ends = entry.offset + entry.length
-    return packed_gzip(b"".join(map(_varint, numbers)))
-
-
-def _varint(number: int) -> bytes:
-    encoded = bytearray()
-    while number > 127:
-        encoded.append(number & 127 | 128)
-        number >>= 7
-    encoded.append(number)
-    return bytes(encoded)
+    return packed_gzip(b"".join(map(varint, numbers)))
 
 
 class TileOptions(NoOptions):

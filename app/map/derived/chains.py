@@ -9,7 +9,7 @@ go on as one line; there any stretches with two ends will do: segments, or piece
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -190,7 +190,10 @@ def courses(ids: Ints, start: Ints, end: Ints, kind: Ints, one_way: Bools) -> li
             line.rows.append(at >> 1)
             line.turned.append(bool(at & 1))
             at = onward[at ^ 1]
-        lines.append(_directed(line, rank))
+        rows, turned = line
+        if turned[rows.index(min(rows, key=rank.__getitem__))]:
+            line = Course(rows[::-1], [not one for one in turned[::-1]])
+        lines.append(line)
     return lines
 
 
@@ -209,13 +212,6 @@ def _partners(start: Ints, end: Ints, kind: Ints, one_way: Bools) -> list[int]:
     partner = np.full(2 * n, -1, np.int64)
     partner[a[same]], partner[b[same]] = b[same], a[same]
     return partner.tolist()
-
-
-def _directed(line: Course, rank: Sequence[int]) -> Course:
-    lowest = min(range(len(line.rows)), key=lambda k: rank[line.rows[k]])
-    if not line.turned[lowest]:
-        return line
-    return Course(line.rows[::-1], [not turned for turned in line.turned[::-1]])
 
 
 def together_m(start: Ints, end: Ints, length_m: Floats) -> Floats:

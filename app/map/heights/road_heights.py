@@ -72,7 +72,9 @@ def _best(there: Sequence[Sequence[OnRoad]], directions: Floats) -> list[OnRoad]
     cost = _costs(there[0], directions[0])
     back: list[np.ndarray] = []
     for before, now, direction in zip(there, there[1:], directions[1:], strict=False):
-        jumps = np.array([[0.0 if _meet(a.road, b.road) else JUMP_COST for a in before] for b in now])
+        jumps = np.array(
+            [[0.0 if {*a.road.nodes} & {*b.road.nodes} else JUMP_COST for a in before] for b in now]
+        )
         total = cost[None, :] + jumps
         back.append(np.argmin(total, axis=1))
         cost = total.min(axis=1) + _costs(now, direction)
@@ -92,10 +94,6 @@ def _costs(options: Sequence[OnRoad], direction: Floats) -> Floats:
         sine = along[:, 0] * direction[1] - along[:, 1] * direction[0]
         cost += (sine / TURNED) ** 2
     return np.asarray(cost)
-
-
-def _meet(a: RoadHere, b: RoadHere) -> bool:
-    return a.id == b.id or bool({*a.nodes} & {*b.nodes})
 
 
 def _within(place: Floats, roads: Sequence[RoadHere], radius_m: float) -> list[OnRoad]:
@@ -161,7 +159,8 @@ def heights_of(session: Session, places: Sequence[OnRoad | None]) -> list[RoadHe
         for one in places
         if one is not None and one.road.structure and not one.road.measured
     }
-    decks = _decks(session, unmeasured) if unmeasured else {}
+    structure = _whole(session, unmeasured) if unmeasured else None
+    decks = {} if structure is None else _between(structure[0], _end_heights(*structure))
     return [None if one is None else _height(one, decks) for one in places]
 
 
@@ -206,12 +205,6 @@ def _of_model(road: RoadHere, share: float) -> RoadHeight | None:
         return None
     height_m = float(np.interp(share, np.linspace(0, 1, len(heights)), heights))
     return RoadHeight(height_m, MODEL_SIGMA_M, MODEL)
-
-
-def _decks(session: Session, hit: dict[int, RoadHere]) -> dict[int, RoadHeight]:
-    """Heights of all nodes of the bridges and tunnels that these segments are of."""
-    structure = _whole(session, hit)
-    return {} if structure is None else _between(structure[0], _end_heights(*structure))
 
 
 def _whole(

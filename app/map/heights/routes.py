@@ -53,10 +53,8 @@ RadiusQuery = Annotated[
 ]
 
 
-class Place(BaseModel):
+class Place(BaseModel, extra="ignore"):
     """A place, degrees."""
-
-    model_config = ConfigDict(extra="ignore")
 
     lat: float = Field(ge=-90, le=90)
     lon: float = Field(ge=-180, le=180)
@@ -88,10 +86,8 @@ class HeightRequest(BaseModel):
     id: str | None = Field(None, description="Comes back with the answer.")
 
 
-class Heights(BaseModel):
+class Heights(BaseModel, json_schema_extra={"examples": [HEIGHTS_EXAMPLE]}):
     """Heights in the order of the places; null where no road with a known height is near."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [HEIGHTS_EXAMPLE]})
 
     id: str | None = None
     shape: list[Place] | None = None
@@ -126,10 +122,8 @@ class Elevation(BaseModel):
     source: str | None = Field(description="What the height rests on.")
 
 
-class Elevations(BaseModel):
+class Elevations(BaseModel, json_schema_extra={"examples": [ELEVATIONS_EXAMPLE]}):
     """The Google Elevation API's answer, with what else is known of each height."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [ELEVATIONS_EXAMPLE]})
 
     results: list[Elevation]
     status: Literal["OK"] = "OK"
@@ -157,8 +151,12 @@ def get_height(
     """As POST."""
     try:
         request = HeightRequest.model_validate(json.loads(json_))
-    except (ValueError, RecursionError) as error:
-        raise BadRequestError.about("json", f"{_reason(error)}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise BadRequestError.about("json", f"{where}: {first['msg']}.") from None
+    except (ValueError, RecursionError):
+        raise BadRequestError.about("json", "this is no JSON object.") from None
     return _answer(service, request)
 
 
@@ -289,11 +287,3 @@ def _heights(
         east, north = places.max(axis=0).tolist()
         rasters = names_over(current_dem(session, service.settings.dem_dir), [(west, south, east, north)])
     return on, heights, attribution(rasters)
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, ValidationError):
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        return f"{where}: {first['msg']}."
-    return "this is no JSON object."

@@ -38,11 +38,10 @@ from app.map.items.pages import (
     wanted,
 )
 from app.map.items.places import CRSS
-from app.map.segment import OSM_LICENSE, OSM_LICENSE_URL, attribution
+from app.map.segment import CRS84, OSM_LICENSE, OSM_LICENSE_URL, attribution
 from app.map.tiles.documents import tilesets_link
 from app.network.cells import last_change
 
-CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
 GREGORIAN = "http://www.opengis.net/def/uom/ISO-8601/0/Gregorian"
 _EXAMPLE = {"id": "segments", "title": "Slopes of road segments", "itemType": "feature", "links": []}
 

@@ -14,6 +14,7 @@ from typing import Any
 from app.core.db import Bounds
 from app.core.errors import BadQueryError
 from app.core.query import bbox_numbers, box_of
+from app.map.segment import CRS84 as CRS84_URI
 
 RADIUS_M = 6_378_137.0
 EDGE_M = math.pi * RADIUS_M
@@ -43,7 +44,7 @@ class Crs:
         return max(-180.0, min(180.0, lon)), math.degrees(math.atan(math.sinh(y / RADIUS_M)))
 
 
-CRS84 = Crs("http://www.opengis.net/def/crs/OGC/1.3/CRS84", 4326, 7)
+CRS84 = Crs(CRS84_URI, 4326, 7)
 EPSG4326 = Crs("http://www.opengis.net/def/crs/EPSG/0/4326", 4326, 7, latitude_first=True)
 EPSG3857 = Crs("http://www.opengis.net/def/crs/EPSG/0/3857", 3857, 3)
 CRSS: Mapping[str, Crs] = {one.uri: one for one in (CRS84, EPSG4326, EPSG3857)}

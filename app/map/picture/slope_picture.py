@@ -122,7 +122,8 @@ def slope_figure(
     lines = view.lines
     figure = Figure(dpi=dpi)
     FigureCanvasAgg(figure)
-    scale, style = _colour_scale(view.segments, scale_percent), _style(view)
+    scale, thinner = _colour_scale(view.segments, scale_percent), _thinner(view)
+    style = Style(STEEPNESS, unknown_look(thinner), ARROW_COLOUR, thinner)
     page = _page(view, title, credit, notes)
     signs = _signs(view.segments)
     colours, groups = colour_rows(scale, scale_percent is not None), rows_of(style, signs)
@@ -130,8 +131,8 @@ def slope_figure(
     foot = top + max(page.map_in[1] + SCALE_ROW_IN, height_in(colours, groups))
     figure.set_size_inches(page.width_in, foot + FOOT_ROW_IN * len(page.foot) + 0.6 * EDGE_IN)
     axes = _map_axes(figure, view, page.map_in, top)
-    draw_unknown(axes, lines[~view.segments.known], style.thinner)
-    draw_known(axes, lines, view.segments, scale, style.thinner)
+    draw_unknown(axes, lines[~view.segments.known], thinner)
+    draw_known(axes, lines, view.segments, scale, thinner)
     _draw_names(axes, view)
     _draw_scale(figure, view, page.map_in[0], top + page.map_in[1])
     _write(figure, page.title, EDGE_IN, TITLE_ROW_IN, TITLE_PT, INK)
@@ -189,11 +190,6 @@ def _page(view: _View, title: str, credit: str, notes: Sequence[str]) -> _Page:
     inner = map_in[0] + BETWEEN_IN + WIDTH_IN
     foot = [line for text in (credit, *notes) for line in wrapped(text, SMALL_PT, 72 * inner)]
     return _Page(wrapped(title, TITLE_PT, 72 * inner), foot, map_in, inner + 2 * EDGE_IN)
-
-
-def _style(view: _View) -> Style:
-    thinner = _thinner(view)
-    return Style(STEEPNESS, unknown_look(thinner), ARROW_COLOUR, thinner)
 
 
 def _thinner(view: _View) -> float:

@@ -47,27 +47,16 @@ def scale_of(colour: str, *, dark: bool) -> ColourScale:
     return _SCALES[colour][dark]
 
 
-_STEEPNESS = "Steepness"
-_MODELLED = "Steepness by the elevation model alone"
-_APART = "Measured slope against the elevation model's"
-_SIGMA = "Uncertainty of the slope, one standard deviation"
+_STEEPNESSES = (BREAKS_PERCENT, COLOURS, COLOURS_ON_DARK)
+_SIGMAS = (SIGMA_BREAKS_PERCENT, SIGMA_COLOURS, SIGMA_COLOURS_ON_DARK)
 _SCALES = {
-    "steepness": (
-        ColourScale(_STEEPNESS, BREAKS_PERCENT, COLOURS),
-        ColourScale(_STEEPNESS, BREAKS_PERCENT, COLOURS_ON_DARK),
-    ),
-    "certainty": (
-        ColourScale(_SIGMA, SIGMA_BREAKS_PERCENT, SIGMA_COLOURS),
-        ColourScale(_SIGMA, SIGMA_BREAKS_PERCENT, SIGMA_COLOURS_ON_DARK),
-    ),
-    "elevation-model": (
-        ColourScale(_MODELLED, BREAKS_PERCENT, COLOURS),
-        ColourScale(_MODELLED, BREAKS_PERCENT, COLOURS_ON_DARK),
-    ),
-    "difference": (
-        ColourScale(_APART, BREAKS_PERCENT, COLOURS),
-        ColourScale(_APART, BREAKS_PERCENT, COLOURS_ON_DARK),
-    ),
+    name: (ColourScale(title, breaks, on_light), ColourScale(title, breaks, on_dark))
+    for name, title, (breaks, on_light, on_dark) in (
+        ("steepness", "Steepness", _STEEPNESSES),
+        ("certainty", "Uncertainty of the slope, one standard deviation", _SIGMAS),
+        ("elevation-model", "Steepness by the elevation model alone", _STEEPNESSES),
+        ("difference", "Measured slope against the elevation model's", _STEEPNESSES),
+    )
 }
 COLOUR_NAMES = tuple(_SCALES)
 """What the colour of a web map can stand for."""
@@ -110,6 +99,7 @@ class Shown:
 
 
 _SLOPE_SIZE: Expression = ["abs", SLOPE]
+_MODEL_SIZE: Expression = ["abs", MODELLED]
 _DIFFERENCE: Expression = ["abs", ["-", SLOPE, MODELLED]]
 _SURE: Expression = [">", _SLOPE_SIZE, ["*", DOUBT, SIGMA]]
 
@@ -117,14 +107,7 @@ SHOWN = {
     "steepness": Shown(_MEASURED, _SLOPE_SIZE, _SLOPE_SIZE, SIGMA, SLOPE, _SURE, widths_tell=True),
     "certainty": Shown(_MEASURED, SIGMA, _SLOPE_SIZE, SIGMA, SLOPE, _SURE, widths_tell=False),
     "elevation-model": Shown(
-        ["has", "dem_slope_percent"],
-        ["abs", MODELLED],
-        ["abs", MODELLED],
-        None,
-        MODELLED,
-        True,
-        widths_tell=False,
-        singles_only=True,
+        ["has", "dem_slope_percent"], _MODEL_SIZE, _MODEL_SIZE, None, MODELLED, True, False, singles_only=True
     ),
     "difference": Shown(
         _BOTH, _DIFFERENCE, _DIFFERENCE, None, None, True, widths_tell=True, singles_only=True

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from app.core.errors import NotFoundError
+from app.core.text import varint
 from fusion.types import Floats
 
 CUTOFF = 0.25
@@ -272,28 +273,19 @@ def _letter(
     character: int, picture: bytes, width: int, height: int, left: int, top: int, advance: int
 ) -> bytes:
     numbers = ((3, width), (4, height), (5, _zigzag(left)), (6, _zigzag(top)), (7, advance))
-    parts = [_key(1, 0), _varint(character), *([_tagged(2, picture)] if picture else [])]
+    parts = [_key(1, 0), varint(character), *([_tagged(2, picture)] if picture else [])]
     for field, value in numbers:
-        parts += [_key(field, 0), _varint(value)]
+        parts += [_key(field, 0), varint(value)]
     return b"".join(parts)
 
 
 def _tagged(field: int, content: bytes) -> bytes:
-    return b"".join((_key(field, 2), _varint(len(content)), content))
+    return b"".join((_key(field, 2), varint(len(content)), content))
 
 
 def _key(field: int, kind: int) -> bytes:
-    return _varint(field << 3 | kind)
+    return varint(field << 3 | kind)
 
 
 def _zigzag(value: int) -> int:
     return value << 1 if value >= 0 else (-value << 1) - 1
-
-
-def _varint(value: int) -> bytes:
-    out = bytearray()
-    while value > 0x7F:
-        out.append(value & 0x7F | 0x80)
-        value >>= 7
-    out.append(value)
-    return bytes(out)

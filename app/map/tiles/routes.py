@@ -34,6 +34,7 @@ from app.map.segment import HEIGHT_DATUM, attribution
 from app.map.segments import MAX_ID, SEGMENT_EXAMPLE
 from app.map.store import geojson_tile as geojson_rows
 from app.map.tiles.documents import (
+    QUAD_TITLE,
     QUAD_URI,
     SEGMENT_FIELDS,
     WEB_MERCATOR,
@@ -171,9 +172,8 @@ def tile_json(service: ServiceDep, base: BaseUrl) -> dict[str, Any]:
     return tilejson(service, base, SEGMENTS)
 
 
-_CLASSES = "http://www.opengis.net/spec/ogcapi-tiles-1/1.0/conf/"
 TILES_CONFORMANCE = tuple(
-    _CLASSES + name
+    f"http://www.opengis.net/spec/ogcapi-tiles-1/1.0/conf/{name}"
     for name in ("core", "tileset", "tilesets-list", "dataset-tilesets", "geodata-tilesets", "mvt")
 )
 """What holds of the routes here. ``oas30`` is of the document of all routes."""
@@ -215,17 +215,8 @@ _TILE: dict[int | str, dict[str, Any]] = {200: MVT_ANSWER, **EMPTY, **problems(4
 def matrix_sets(request: Request, base: BaseUrl, f: FormatQuery = None) -> dict[str, Any]:
     """There is one: that of all maps on the web."""
     _only(request, f, ("json",))
-    links = [link(f"{base}/tileMatrixSets/{QUAD}", "self", title="Its definition")]
-    return {
-        "tileMatrixSets": [
-            {
-                "id": QUAD,
-                "title": "Web Mercator, by quarters",
-                "uri": QUAD_URI,
-                "links": link_documents(links),
-            }
-        ]
-    }
+    links = link_documents([link(f"{base}/tileMatrixSets/{QUAD}", "self", title="Its definition")])
+    return {"tileMatrixSets": [{"id": QUAD, "title": QUAD_TITLE, "uri": QUAD_URI, "links": links}]}
 
 
 @ogc_router.get(
@@ -249,10 +240,7 @@ def tilesets(request: Request, service: ServiceDep, base: BaseUrl, f: FormatQuer
 @ogc_router.get(f"/tiles/{QUAD}", summary="The tileset of the whole", responses=_TILESET)
 def tileset(request: Request, service: ServiceDep, base: BaseUrl, f: TilesetFormat = None) -> dict[str, Any]:
     """Where its tiles are, what is in them, and which there are."""
-    _only(request, f, ("json", "tilejson"))
-    if f == "tilejson":
-        return tilejson(service, base, SEGMENTS)
-    return tileset_document(service, base, f"{base}/tiles", SEGMENTS)
+    return _tileset(request, service, base, SEGMENTS, f"{base}/tiles", f)
 
 
 @ogc_router.get("/collections/{collection}/tiles", summary="Tilesets of a collection", responses=_LIST)
@@ -273,10 +261,16 @@ def collection_tileset(
 ) -> dict[str, Any]:
     """Where its tiles are, what is in them, and which there are."""
     layer = _layer(collection)
+    return _tileset(request, service, base, layer, f"{base}/collections/{layer}/tiles", f)
+
+
+def _tileset(
+    request: Request, service: Service, base: str, layer: str, here: str, f: str | None
+) -> dict[str, Any]:
     _only(request, f, ("json", "tilejson"))
     if f == "tilejson":
         return tilejson(service, base, layer)
-    return tileset_document(service, base, f"{base}/collections/{layer}/tiles", layer)
+    return tileset_document(service, base, here, layer)
 
 
 async def tile(
@@ -302,19 +296,18 @@ async def collection_tile(
     return await _tile_of(request, service, Address(layer, matrix, column, row))
 
 
-_PLACE = "{tileMatrix}/{tileRow}/{tileCol}"
 for _suffix in (*(f".{suffix}" for suffix in SUFFIXES), ""):  # without one the whole part is the column
     _named = f" ({_suffix})" if _suffix else ""
-    for _path, _route, _title in (
-        (f"/tiles/{QUAD}/{_PLACE}", tile, "Vector tile of the whole"),
-        (
-            f"/collections/{{collection}}/tiles/{QUAD}/{_PLACE}",
-            collection_tile,
-            "Vector tile of a collection",
-        ),
+    for _above, _route, _of in (
+        ("", tile, "the whole"),
+        ("/collections/{collection}", collection_tile, "a collection"),
     ):
         ogc_router.add_api_route(
-            _path + _suffix, _route, summary=_title + _named, response_class=Response, responses=_TILE
+            f"{_above}/tiles/{QUAD}/{{tileMatrix}}/{{tileRow}}/{{tileCol}}{_suffix}",
+            _route,
+            summary=f"Vector tile of {_of}{_named}",
+            response_class=Response,
+            responses=_TILE,
         )
 
 
