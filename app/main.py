@@ -14,9 +14,8 @@ from fastapi import APIRouter, FastAPI
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 
-from app.changes import events as change_events
 from app.changes import routes as changes
-from app.changes.live import Live
+from app.changes.routes import Live
 from app.changes.webhooks import routes as webhooks
 from app.core import middleware
 from app.core.admission import MORE_CONNECTIONS, Admission, RequestClass, Turnstile, make_request_classes
@@ -44,15 +43,13 @@ from app.drives.store import get_drives
 from app.drives.trials import routes as trials
 from app.exports import routes as exports
 from app.map import segments
-from app.map.heights import profile
 from app.map.heights import routes as heights
-from app.map.items import api, landing, schemas
 from app.map.items import collection_routes as collections
+from app.map.items import landing
 from app.map.items import routes as items
 from app.map.items.landing import BIND_NOTE
-from app.map.items.parameters import tell_limits
+from app.map.items.routes import tell_limits
 from app.map.style import routes as style
-from app.map.tiles import ogc_routes as ogc_tiles
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
@@ -76,18 +73,14 @@ ROUTERS: tuple[APIRouter, ...] = (
     drive_sources.router,
     trials.router,
     segments.router,
-    profile.router,
     changes.router,
-    change_events.router,
     webhooks.router,
     landing.router,
-    api.router,
     collections.router,
-    schemas.router,
     items.router,
     tiles.router,
     heights.router,
-    ogc_tiles.router,
+    tiles.ogc_router,
     exports.router,
     sources.router,
     operations.router,
@@ -152,7 +145,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         version=code_version(),
         openapi_tags=TAGS,
         license_info={"name": "Apache 2.0", "identifier": "Apache-2.0"},
-        openapi_url=None,  # app.map.items.api answers, in two versions and as a page
+        openapi_url=None,  # app.map.items.landing answers, in two versions and as a page
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=_lifespan,

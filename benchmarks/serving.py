@@ -46,7 +46,7 @@ from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
-from app.map.derived import store as derived
+from app.map.derived import following
 from app.map.derived.following import LONG_S, follow_all
 from app.network.cells import raise_versions
 from served.clients import Asked, Rates, ask, tags_of
@@ -233,7 +233,7 @@ def await_derived(sessions: Sessions) -> None:
     """Until a worker has derived all that low zooms draw."""
     while True:
         with sessions() as session:
-            if derived.look(session, LONG_S).idle:
+            if following.look(session, LONG_S).idle:
                 return
         time.sleep(0.2)
 

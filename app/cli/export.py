@@ -78,7 +78,7 @@ def export(
     from app.exports.formats import write_companions
     from app.exports.making import make_file
     from app.exports.source import snapshot
-    from app.map.attribution import attribution
+    from app.map.segment import attribution
     from app.terrain.coverage import rasters_over
     from app.terrain.store import current_dem
 

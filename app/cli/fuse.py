@@ -114,7 +114,7 @@ def fuse(
     from app.exports.format import statements
     from app.exports.formats import write_segments
     from app.exports.formats.geojson import collection_chunks
-    from app.map.attribution import attribution
+    from app.map.segment import attribution
     from fusion.network.control import read_control
     from fusion.roads.osm import read_roads
     from fusion.terrain.dem import Dem
@@ -238,8 +238,8 @@ def _pictures(
     from app.drives.outputs.profile_marks import datum_words
     from app.drives.outputs.profile_picture import printable, profile_figure, written
     from app.drives.outputs.track import track_chunks
-    from app.map.attribution import attribution
     from app.map.picture.slope_map import picture_format
+    from app.map.segment import attribution
 
     estimated = one.result.track
     if profile is not None:

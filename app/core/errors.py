@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import psycopg
 from psycopg.errors import DiskFull, LockNotAvailable, QueryCanceled
@@ -57,6 +57,11 @@ class ServiceError(Exception):
         """``field`` names the one thing at fault; ``errors`` lists several."""
         super().__init__(message)
         self.errors = [FieldError(field=field, message=message)] if field else list(errors)
+
+    @classmethod
+    def about(cls, field: str, reason: str) -> Self:
+        """The error that ``field`` is at fault, which begins with its name."""
+        return cls(f"{field}: {reason}", field=field)
 
 
 class NotFoundError(ServiceError):

@@ -118,16 +118,10 @@ def is_named(etag: str, if_none_match: str) -> bool:
     return "*" in names or etag.removeprefix("W/") in names
 
 
-def etag_matches(request: Request, etag: str) -> bool:
-    """Whether the client has what ``etag`` stands for."""
-    return is_named(etag, request.headers.get("if-none-match", ""))
-
-
 def not_modified(request: Request, headers: Mapping[str, str]) -> Response | None:
     """A 304 with these headers where the client holds what their ETag names; None: answer in full."""
-    return (
-        Response(status_code=304, headers=dict(headers)) if etag_matches(request, headers["ETag"]) else None
-    )
+    named = is_named(headers["ETag"], request.headers.get("if-none-match", ""))
+    return Response(status_code=304, headers=dict(headers)) if named else None
 
 
 def unless_known(

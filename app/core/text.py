@@ -53,6 +53,16 @@ def dumps(value: Any) -> str:
     return json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
 
 
+def varint(number: int) -> bytes:
+    """A number from 0 on in as many bytes as it needs, seven bits each, the last of which says that it is."""
+    encoded = bytearray()
+    while number > 127:
+        encoded.append(number & 127 | 128)
+        number >>= 7
+    encoded.append(number)
+    return bytes(encoded)
+
+
 def geojson_text(document: Mapping[str, Any]) -> bytes:
     """The document as compact JSON. One feature is written at a time.
 

@@ -14,7 +14,7 @@ from datetime import timedelta
 from functools import partial
 from typing import Any
 
-from app.changes import pages as changes
+from app.changes import store as changes
 from app.changes.store import begin_epoch
 from app.changes.webhooks import telling
 from app.changes.webhooks.telling import Teller
@@ -37,8 +37,8 @@ from app.jobs.requests import upkeep
 from app.jobs.requests.run import RequestKind
 from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
+from app.map import figures
 from app.map.derived import following
-from app.map.statistics import figures, growth
 from app.operations.run import OPERATION
 from app.roads import retired
 from app.terrain.files import sweep_rasters
@@ -191,8 +191,16 @@ def _chores(
         (partial(renew, sessions), "what an update left could not be done", RENEW_EVERY_S),
         (partial(enqueuing.tend, sessions), "batches could not be continued", enqueuing.TEND_EVERY_S),
         (heights.piece, "heights could not be filled in", RENEW_EVERY_S),
-        (partial(figures.renew_one, sessions), "figures of the map could not be made", figures.LOOK_EVERY_S),
-        (partial(growth.note_today, sessions), "the length driven could not be noted", growth.LOOK_EVERY_S),
+        (
+            partial(figures.renew_one, sessions),
+            "figures of the map could not be made",
+            figures.LOOK_EVERY_S,
+        ),
+        (
+            partial(figures.note_today, sessions),
+            "the length driven could not be noted",
+            figures.NOTE_EVERY_S,
+        ),
         (ledger.fold, "counters could not be added up", FOLD_AFTER_S / 4),
         (partial(_sweep, context, settings), "unused files could not be removed", SWEEP_EVERY_S),
     ]

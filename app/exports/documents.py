@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import BaseModel, BeforeValidator, Field, WithJsonSchema
 from pydantic.config import JsonDict
 
 from app.core.http import EXAMPLE_ID, Link, link
@@ -38,10 +38,8 @@ class ExportStatus(StrEnum):
     CANCELLED = "cancelled"
 
 
-class ExportRequest(BaseModel):
+class ExportRequest(BaseModel, extra="forbid", json_schema_extra={"examples": [EXAMPLE_REQUEST]}):
     """Which file of which part of the map."""
-
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [EXAMPLE_REQUEST]})
 
     format: Name = Field(
         description="One of the formats that `GET /v1/exports/formats` lists.", examples=["flatgeobuf"]
@@ -92,14 +90,13 @@ EXAMPLE: dict[str, Any] = {
 }
 
 
-class Export(Request):
+class Export(
+    Request,
+    frozen=True,
+    json_schema_serialization_defaults_required=True,
+    json_schema_extra={"examples": [EXAMPLE]},
+):
     """An export: a file that was asked for and what became of it."""
-
-    model_config = ConfigDict(
-        frozen=True,
-        json_schema_serialization_defaults_required=True,
-        json_schema_extra={"examples": [EXAMPLE]},
-    )
 
     status: ExportStatus = Field(
         description="`cancelled`: deleted; it is told for as long as an export is kept."
@@ -142,10 +139,8 @@ class Export(Request):
         return cls.model_validate({**columns, "failure": failure, "notes": notes})
 
 
-class ExportList(BaseModel):
+class ExportList(BaseModel, json_schema_extra={"examples": [{"exports": [EXAMPLE], "links": []}]}):
     """One page of exports, the newest first."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"exports": [EXAMPLE], "links": []}]})
 
     exports: list[Export]
     links: list[Link] = Field(description="`next` is missing on the last page.")
@@ -162,10 +157,8 @@ class ExportFormat(BaseModel):
     options: dict[str, Any] = Field(description="JSON schema of its options.")
 
 
-class ExportFormats(BaseModel):
+class ExportFormats(BaseModel, json_schema_extra={"examples": [{"formats": []}]}):
     """All formats that can be asked for."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"formats": []}]})
 
     formats: list[ExportFormat]
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ValidationError
 
+from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Column, Record, Segment, Way
 from fusion.errors import BadOptionsError
 
@@ -47,10 +48,8 @@ SEGMENTS = Layer("segments", "Slopes of road segments", Segment.columns)
 WAYS = Layer("ways", "Slopes of whole ways", Way.columns)
 
 
-class NoOptions(BaseModel):
+class NoOptions(BaseModel, extra="forbid", frozen=True):
     """The options of formats that take none, and the base of all others: an unknown option is refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     local_files: ClassVar[frozenset[str]] = frozenset()
     """Options that name files on this machine: for who works on it, never for requests from elsewhere."""
@@ -140,6 +139,6 @@ class TableFormat(Format):
         The iterable is consumed once and never held as a whole.
         """
 
-    @abstractmethod
     def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:
-        """As ``Format``."""
+        """The style for QGIS."""
+        return style_beside(path)

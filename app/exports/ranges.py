@@ -1,37 +1,59 @@
-"""Files that are fetched whole or in parts (RFC 9110, section 14): which bytes, and the headers."""
+"""Files that are fetched whole or in parts (RFC 9110, section 14): which bytes, and the answer that has them."""
 
 from __future__ import annotations
 
-import base64
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import BinaryIO
 
+from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+
+from app.core.errors import STATUS_KINDS
+from app.core.problems import problem_response
+
 CHUNK_BYTES = 256 * 1024
+
 _ONE_RANGE = re.compile(r"bytes\s*=\s*(\d*)\s*-\s*(\d*)", re.IGNORECASE | re.ASCII)
 MOST_DIGITS = 18
 
-
-@dataclass(frozen=True)
-class Part:
-    """Bytes of a file, the last one included."""
-
-    first: int
-    last: int
-
-    @property
-    def size(self) -> int:
-        """How many."""
-        return self.last - self.first + 1
+OpenedFile = Callable[[], tuple[BinaryIO, Mapping[str, str]]]
+"""Opens a file, and tells the headers of all answers with it."""
 
 
 class NoSuchRangeError(Exception):
     """The file ends before the range."""
 
 
-def part_of(range_header: str | None, if_range: str | None, etag: str, size: int) -> Part | None:
-    """The part of a file of ``size`` bytes that is asked for; None: the whole one.
+def file_answer(
+    request: Request,
+    etag: str,
+    size: int,
+    media_type: str,
+    opened: OpenedFile,
+    of_whole: Mapping[str, str] = MappingProxyType({}),
+) -> Response:
+    """A file of ``size`` bytes, or the part of it that the request asks for; 416 where it ends before that.
+
+    ``of_whole``: further headers of an answer with all of it.
+    """
+    try:
+        part = part_of(request.headers.get("range"), request.headers.get("if-range"), etag, size)
+    except NoSuchRangeError:
+        detail = f"The file has {size} bytes, and the range {request.headers['range'][:80]!r} begins beyond its end."
+        range_headers = {"Content-Range": f"bytes */{size}", "ETag": etag}
+        return problem_response(request, STATUS_KINDS[416], detail, headers=range_headers)
+    file, headers = opened()
+    if part is None:
+        whole = {**headers, "Content-Length": str(size), **of_whole}
+        return StreamingResponse(pieces(file, range(size)), 200, whole, media_type)
+    place = {"Content-Length": str(len(part)), "Content-Range": f"bytes {part[0]}-{part[-1]}/{size}"}
+    return StreamingResponse(pieces(file, part), 206, {**headers, **place}, media_type)
+
+
+def part_of(range_header: str | None, if_range: str | None, etag: str, size: int) -> range | None:
+    """The positions of the bytes that are asked for, of a file of ``size``; None: the whole one.
 
     Several ranges at once, another unit and what is no range are answered by the whole file, as the standard allows,
     and so is a range of what the client has of another file (``if_range``). Raises ``NoSuchRangeError``.
@@ -42,45 +64,23 @@ def part_of(range_header: str | None, if_range: str | None, etag: str, size: int
     if match is None or not any(match.groups()) or any(len(n) > MOST_DIGITS for n in match.groups()):
         return None
     first, last = match.groups()
-    if not first:
-        length = min(int(last), size)
-        if length == 0:
-            raise NoSuchRangeError
-        return Part(size - length, size - 1)
-    if last and int(last) < int(first):
+    if first and last and int(last) < int(first):
         return None
-    if int(first) >= size:
+    part = (
+        range(int(first), size if not last else min(int(last) + 1, size))
+        if first
+        else range(size)[-int(last) :]
+    )
+    if not part or (not first and not int(last)):
         raise NoSuchRangeError
-    return Part(int(first), min(int(last or size), size - 1))
+    return part
 
 
-def pieces(file: BinaryIO, part: Part | None) -> Iterator[bytes]:
-    """The bytes of a file, or of a part of it, piece by piece; closes the file."""
+def pieces(file: BinaryIO, part: range) -> Iterator[bytes]:
+    """The bytes at these positions of a file, piece by piece; closes the file."""
     with file:
-        left = None if part is None else part.size
-        if part is not None:
-            file.seek(part.first)
-        while left is None or left > 0:
-            piece = file.read(CHUNK_BYTES if left is None else min(CHUNK_BYTES, left))
-            if not piece:
-                return
-            left = None if left is None else left - len(piece)
+        file.seek(part.start)
+        left = len(part)
+        while left > 0 and (piece := file.read(min(CHUNK_BYTES, left))):
+            left -= len(piece)
             yield piece
-
-
-def headers_of(file_name: str, sha256: str, size: int, part: Part | None) -> dict[str, str]:
-    """The headers of a file, or of a part of it."""
-    digest = f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"
-    headers = {
-        "ETag": f'"{sha256}"',
-        "Accept-Ranges": "bytes",
-        "Cache-Control": "no-cache",
-        "Content-Disposition": f'attachment; filename="{file_name}"',
-        "Repr-Digest": digest,  # of the whole file, whatever part of it comes
-    }
-    if part is None:
-        return headers | {"Content-Length": str(size), "Content-Digest": digest}
-    return headers | {
-        "Content-Length": str(part.size),
-        "Content-Range": f"bytes {part.first}-{part.last}/{size}",
-    }

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 import logging
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
 from fastapi import APIRouter, Query, Request, Response
-from fastapi.responses import StreamingResponse
 
 from app.core.blobs import EXPORTS, BlobStore
-from app.core.errors import STATUS_KINDS, BadQueryError, BadRequestError, NotDoneError, NotFoundError
-from app.core.http import (
-    UNREADABLE_BODY,
-    BaseUrl,
-    Service,
-    ServiceDep,
-    etag_matches,
-    existing,
-    problems,
-)
-from app.core.problems import problem_response
+from app.core.errors import BadQueryError, BadRequestError, NotDoneError, NotFoundError
+from app.core.http import UNREADABLE_BODY, BaseUrl, Service, ServiceDep, existing, not_modified, problems
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
@@ -38,20 +29,19 @@ from app.exports.documents import (
     export_address,
     linked,
 )
-from app.exports.provenance import data_state
-from app.exports.ranges import NoSuchRangeError, headers_of, part_of, pieces
+from app.exports.ranges import file_answer
 from app.exports.store import exports
 from app.jobs.requests.listing import AfterQuery, page_of
 from fusion.errors import BadOptionsError, RoadsError, UnknownNameError
 
 if TYPE_CHECKING:
+    from app.exports.format import NoOptions
     from app.exports.making import Request as FileRequest
 
 logger = logging.getLogger(__name__)
 
 BLOCK_BYTES = 4 * 2**20
 """What one download holds of a bucket's file."""
-LIST_PARAMETERS = frozenset({"status", "limit", "after"})
 
 router = APIRouter(prefix="/v1/exports", tags=["exports"])
 
@@ -112,7 +102,7 @@ def list_exports(
     after: AfterQuery = None,
 ) -> ExportList:
     """The newest first. Follow the `next` link until there is none; each export comes once."""
-    refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
+    refuse_unknown(request, {"status", "limit", "after"}, BadRequestError)
     shown, links = page_of(service, exports, f"{base}/v1/exports", limit=limit, after=after, status=status)
     return ExportList(exports=[linked(base, export) for export in shown], links=links)
 
@@ -131,7 +121,7 @@ def list_formats() -> ExportFormats:
                 suffixes=list(one.suffixes),
                 media_type=one.media_type,
                 filters=sorted(one.filters),
-                options=_schema(one.options.model_json_schema(), one.options.local_files),
+                options=_options_schema(one.options),
             )
             for _, one in FORMATS.items()
         ]
@@ -172,30 +162,24 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
 )
 def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Response:
     """The bytes as they were made, resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the whole file."""
-    export = _done(_get_export(service, export_id))
-    sha256, size = str(export.sha256), int(export.size_bytes or 0)
-    etag = f'"{sha256}"'
-    if etag_matches(request, etag):
-        return Response(status_code=304, headers={"ETag": etag, "Cache-Control": "no-cache"})
-    try:
-        part = part_of(request.headers.get("range"), request.headers.get("if-range"), etag, size)
-    except NoSuchRangeError:
-        detail = f"The file has {size} bytes, and the range {request.headers['range'][:80]!r} begins beyond its end."
-        return problem_response(
-            request, STATUS_KINDS[416], detail, headers={"Content-Range": f"bytes */{size}", "ETag": etag}
-        )
-    try:
-        file = _blobs(service).open(str(export.blob_key), BLOCK_BYTES)
-    except FileNotFoundError:
-        raise NotFoundError(
-            f"The file of export {export_id} is gone from the storage. Ask for it again."
-        ) from None
-    return StreamingResponse(
-        pieces(file, part),
-        206 if part is not None else 200,
-        headers_of(export.file_name, sha256, size, part),
-        export.media_type,
-    )
+    export = _done(service, export_id)
+    etag, size = f'"{export.sha256}"', int(export.size_bytes or 0)
+    shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
+    if unchanged := not_modified(request, {"ETag": etag, "Cache-Control": "no-cache"}):
+        return unchanged
+    # Of the whole file, whatever part of it comes.
+    digest = f"sha-256=:{base64.b64encode(bytes.fromhex(str(export.sha256))).decode()}:"
+    names = {"Content-Disposition": f'attachment; filename="{export.file_name}"', "Repr-Digest": digest}
+
+    def opened() -> tuple[BinaryIO, dict[str, str]]:
+        try:
+            return _blobs(service).open(str(export.blob_key), BLOCK_BYTES), shared | names
+        except FileNotFoundError:
+            raise NotFoundError(
+                f"The file of export {export_id} is gone from the storage. Ask for it again."
+            ) from None
+
+    return file_answer(request, etag, size, export.media_type, opened, {"Content-Digest": digest})
 
 
 @router.get(
@@ -212,7 +196,7 @@ def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
 )
 def get_beside(export_id: uuid.UUID, name: str, service: ServiceDep) -> Response:
     """How the file is drawn, or what its format has no place for, under the name that readers look for."""
-    export = _done(_get_export(service, export_id))
+    export = _done(service, export_id)
     text = existing(export.companions.get(name), f"file beside export {export_id} called", name[:80])
     kind = "application/json" if name.endswith(".json") else "text/plain"
     return Response(text, media_type=kind, headers={"Cache-Control": "no-cache"})
@@ -229,6 +213,8 @@ def _parse_request(body: ExportRequest) -> FileRequest:
 
 
 def _find_or_add(service: Service, file_request: FileRequest) -> tuple[Export, bool]:
+    from app.exports.making import data_state  # noqa: PLC0415 - as above
+
     with service.sessions.begin() as session:
         with _naming("region"):
             file_request.query(session)
@@ -261,8 +247,9 @@ def _get_export(service: Service, export_id: uuid.UUID) -> Export:
     return export
 
 
-def _done(export: Export) -> Export:
+def _done(service: Service, export_id: uuid.UUID) -> Export:
     """The export, which has a file; ``NotDoneError`` and ``NotFoundError`` say why it has none."""
+    export = _get_export(service, export_id)
     if export.status is ExportStatus.DONE:
         return export
     if export.status in {ExportStatus.QUEUED, ExportStatus.RUNNING}:
@@ -277,6 +264,8 @@ def _blobs(service: Service) -> BlobStore:
     return BlobStore(service.settings.blob_store_url, EXPORTS)
 
 
-def _schema(schema: dict[str, Any], hidden: frozenset[str]) -> dict[str, Any]:
-    properties = {name: of for name, of in schema.get("properties", {}).items() if name not in hidden}
+def _options_schema(options: type[NoOptions]) -> dict[str, Any]:
+    """The options that requests may name, as JSON schema."""
+    schema = options.model_json_schema()
+    properties = {k: v for k, v in schema.get("properties", {}).items() if k not in options.local_files}
     return {**schema, "properties": properties}

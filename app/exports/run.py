@@ -16,12 +16,10 @@ from app.core.databases import database_identity
 from app.core.db import plain_json
 from app.core.errors import ServiceError
 from app.core.filesystems import file_system, free_bytes, full_is_told, storage_full
-from app.core.settings import Settings
 from app.core.telemetry.logs import tell
 from app.exports import store
 from app.exports.documents import Export
-from app.exports.making import Made, asked_again, make_file
-from app.exports.provenance import data_state
+from app.exports.making import Made, asked_again, data_state, make_file
 from app.exports.source import snapshot
 from app.exports.store import exports
 from app.jobs.requests.run import Discarded, RequestKind, RequestRun, expected_failure
@@ -63,7 +61,12 @@ def _make_export(run: RequestRun[Export]) -> str:
         with snapshot(run.sessions) as session:
             run.note(data_version=data_state(session).version)
             output = _in_room(run, lambda: make_file(session, run.settings, request, path, show_share))
-        _require_small(run.settings, path.stat().st_size)
+        size_bytes, most_bytes = path.stat().st_size, run.settings.exports_max_bytes
+        if size_bytes > most_bytes:
+            raise TooLargeError(
+                f"The file has {size_bytes} bytes, and all exports together may have {most_bytes} "
+                "(VERSANT_EXPORTS_MAX_BYTES). Ask for a smaller part of the map (bbox, region, driven)."
+            )
         blob = _store_file(run, path, show_share)
     if not _finish(run, path, output, blob):
         run.context.part(EXPORTS).delete(blob.key)
@@ -129,14 +132,6 @@ def _store_file(run: RequestRun[Export], path: Path, show_share: Callable[[float
             writer.write(chunk)
             show_share(1.0)
         return writer.finish()
-
-
-def _require_small(settings: Settings, size_bytes: int) -> None:
-    if size_bytes > settings.exports_max_bytes:
-        raise TooLargeError(
-            f"The file has {size_bytes} bytes, and all exports together may have {settings.exports_max_bytes} "
-            "(VERSANT_EXPORTS_MAX_BYTES). Ask for a smaller part of the map (bbox, region, driven)."
-        )
 
 
 EXPORT = RequestKind(

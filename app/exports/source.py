@@ -16,7 +16,6 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, Sessions
 from app.core.settings.places import FilePlace
-from app.exports.writing.pmtiles_archive import Tile, tile_number
 from app.map.segment import Segment, Way
 from app.map.store import FULL_ZOOM, PAGE, all_segments, corners, count_segments, in_box_sql
 from app.map.tiles.store import mvt
@@ -31,6 +30,8 @@ from fusion.types import Floats
 PARTS_APART = 1000
 """Records after which it is looked how far an export is, and whether it is to go on."""
 
+Tile = tuple[int, int, int]
+"""Zoom, column, row."""
 OnProgress = Callable[[float], None]
 """Takes the share of the work done, 0..1, and raises to end it."""
 
@@ -119,12 +120,14 @@ class Source:
             after = rows[-1].id
             self._on_progress(0.0)
 
-    def tiles(self, zooms: tuple[int, int]) -> Iterator[tuple[Tile, bytes]]:
-        """The vector tiles of these zooms that hold anything, in the order of an archive, as the service shows them."""
+    def tiles(
+        self, zooms: tuple[int, int], number: Callable[[int, int, int], int]
+    ) -> Iterator[tuple[Tile, bytes]]:
+        """The vector tiles of these zooms that hold anything, as the service shows them; in each by their numbers."""
         addresses = [
             (z, *place)
             for z in range(zooms[0], zooms[1] + 1)
-            for place in sorted(self._places(z), key=lambda place, z=z: tile_number(z, *place))  # type: ignore[misc]
+            for place in sorted(self._places(z), key=lambda place, z=z: number(z, *place))  # type: ignore[misc]
         ]
         for done, (z, x, y) in enumerate(addresses):
             self._on_progress(done / len(addresses))

@@ -2,24 +2,54 @@
 
 Each field states the expression that reads it, the type of its column in a file and its number of digits; the columns
 of queries, the properties and the schemas of files follow from that. Nothing here knows the statements
-(``app.map.store``) or the files (``app.exports``).
+(``app.map.store``) or the files (``app.exports``). Whose data the outputs derive from is said here as well:
+OpenStreetMap's licence wants it said wherever the data goes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Any, ClassVar, get_origin, get_type_hints
+from xml.sax.saxutils import escape
 
 from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, SLOPE_DIGITS, rounded, utc_text
 
 SHARE_DIGITS = 4
+CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
+"""Longitude and latitude, degrees."""
 HEIGHT_DATUM = "mean sea level as the receivers logged it, or the datum of control points near these"
 """What the service's heights refer to. Receivers subtract a geoid of their own, mostly a coarse EGM96."""
 
 Position = tuple[float, float]
 """Longitude, latitude, degrees."""
+
+
+JSON_TYPES: Mapping[str, tuple[str, str | None]] = {
+    "int64": ("integer", "int64"),
+    "int32": ("integer", "int32"),
+    "int16": ("integer", "int32"),
+    "double": ("number", None),
+    "string": ("string", None),
+    "bool": ("boolean", None),
+    "timestamp[ms, tz=UTC]": ("string", "date-time"),
+}
+"""Arrow's name of a type -> JSON Schema's type and format."""
+
+SQL_TYPES = {
+    "integer": "bigint",
+    "number": "float8",
+    "string": "text",
+    "boolean": "boolean",
+    "time": "timestamptz",
+}
+"""How values are sent to the database, by ``Column.kind``."""
+
+
+def kind_of(json_type: str, json_format: str | None) -> str:
+    """What a value is compared with: integer, number, string, boolean, time."""
+    return "time" if json_format == "date-time" else json_type
 
 
 @dataclass(frozen=True)
@@ -32,6 +62,11 @@ class Column:
     """Its type in columnar files, by Arrow's name."""
     digits: int | None = None
     """Decimal places in every output, for fractions."""
+
+    @property
+    def kind(self) -> str:
+        """One of ``SQL_TYPES``."""
+        return kind_of(*JSON_TYPES[self.arrow])
 
 
 class Record:
@@ -164,3 +199,29 @@ class Way(Record):
 COLUMNS = Segment.columns
 """The segment properties of the contract, in its order: all fields but the line."""
 PROPERTIES = tuple(COLUMNS)
+
+
+OSM_ATTRIBUTION = "© OpenStreetMap contributors"
+OSM_LICENSE = "Open Database License (ODbL) 1.0"
+OSM_LICENSE_URL = "https://opendatacommons.org/licenses/odbl/1-0/"
+OSM_COPYRIGHT_URL = "https://www.openstreetmap.org/copyright"
+
+
+def attribution(dem_names: Iterable[str] = ()) -> str:
+    """One line of plain text: OpenStreetMap and its licence, then the elevation rasters by name."""
+    roads = f"Roads {OSM_ATTRIBUTION}, {OSM_LICENSE}"
+    names = sorted(set(dem_names))
+    return f"{roads}; elevation from {_shortened(names)}" if names else roads
+
+
+def attribution_html(dem_names: Iterable[str] = ()) -> str:
+    """The same for a map's corner, with a link."""
+    roads = f'<a href="{OSM_COPYRIGHT_URL}">{OSM_ATTRIBUTION}</a>'
+    names = sorted(set(dem_names))
+    rasters = escape(_shortened(names), {'"': "&quot;"})
+    return f"{roads}, elevation from {rasters}" if names else roads
+
+
+def _shortened(names: list[str], most: int = 4) -> str:
+    rest = len(names) - most
+    return ", ".join(names[:most]) + (f" and {rest} more rasters" if rest > 0 else "")

@@ -1,4 +1,4 @@
-"""Routes to one segment and to the drives behind it, with their documents.
+"""Routes to one segment, to the drives behind it and to the heights along it, with their documents.
 
 What the other routes of the map have in common with these is here as well: parameters and examples.
 """
@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import uuid
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from fastapi import APIRouter, Path, Query, Response
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from sqlalchemy.orm import Session
 
 from app.core.http import (
     EXAMPLE_ID,
@@ -26,11 +28,15 @@ from app.core.http import (
     with_query,
 )
 from app.core.query import cursor_of, parse_cursor
-from app.core.text import GEO_JSON, SLOPE_DIGITS, Moment, rounded
+from app.core.text import GEO_JSON, LENGTH_DIGITS, SLOPE_DIGITS, Moment, rounded
 from app.map import store as segments
-from app.map.attribution import attribution
-from app.map.segment import HEIGHT_DATUM, Segment
-from app.map.store import ObservationRow
+from app.map.heights.road_heights import measured_height
+from app.map.heights.store import RoadHere, one_road
+from app.map.segment import HEIGHT_DATUM, Segment, attribution
+from app.terrain.coverage import names_over
+from app.terrain.store import current_dem
+from fusion.network.curve import interval_count, knot_length
+from fusion.types import Floats
 
 MAX_ID = 2**63 - 1
 
@@ -129,11 +135,6 @@ class Observation(BaseModel):
     dem_version_id: int | None
     estimated_at: Moment
 
-    @classmethod
-    def of(cls, row: ObservationRow) -> Observation:
-        """Build from what the store returns."""
-        return cls(**vars(row))
-
 
 class ObservationList(BaseModel):
     """One page of the drives behind a segment's slope, the one that came there last first."""
@@ -193,7 +194,10 @@ def segment_observations(
 
     Follow the `next` link until there is none; each drive comes once.
     """
-    place = None if after is None else _place(after)
+    place = None
+    if after is not None:
+        moment, number = parse_cursor(after)
+        place = moment, uuid.UUID(int=number)
     with service.reading() as session:
         existing(segments.get_segment(session, segment_id), "segment", segment_id)
         rows = segments.segment_observations(session, segment_id, limit=limit + 1, after=place)
@@ -206,10 +210,114 @@ def segment_observations(
         following = cursor_of(shown[-1].first_at, shown[-1].drive_id.int)
         links.append(link(with_query(here, **own, after=following), "next"))
     return ObservationList(
-        segment_id=segment_id, observations=[Observation.of(row) for row in shown], links=links
+        segment_id=segment_id, observations=[Observation(**row._mapping) for row in shown], links=links
     )
 
 
-def _place(cursor: str) -> tuple[datetime, uuid.UUID]:
-    moment, number = parse_cursor(cursor)
-    return moment, uuid.UUID(int=number)
+PROFILE_EXAMPLE: dict[str, Any] = {
+    "segment_id": 17,
+    "length_m": 41.374,
+    "along_m": [0.0, 12.5, 13.791, 27.583, 32.5, 41.374],
+    "height_m": [151.204, 151.92, 152.022, 153.112, 153.501, 154.026],
+    "height_sigma_m": [2.41, 2.41, 2.41, 2.41, 2.41, 2.41],
+    "dem_height_m": [150.9, 151.5, 151.6, 152.3, 152.4, 152.6],
+    "source": "drives",
+    "datum": HEIGHT_DATUM,
+    "attribution": attribution(),
+    "links": [{"href": "http://127.0.0.1:8000/v1/segments/17", "rel": "up", "type": GEO_JSON}],
+}
+
+Metres = Annotated[float, BeforeValidator(lambda value: rounded(value, LENGTH_DIGITS))]
+MaybeMetres = Annotated[float | None, BeforeValidator(lambda value: rounded(value, LENGTH_DIGITS))]
+
+
+APART_M = 0.01
+"""Places nearer to each other than this are one."""
+
+
+class SegmentProfile(BaseModel, json_schema_extra={"examples": [PROFILE_EXAMPLE]}):
+    """Heights along a segment; all columns have one value for each place, null where it is unknown."""
+
+    segment_id: int
+    length_m: Metres
+    along_m: list[Metres] = Field(description="Metres from from_node, ascending, both ends among them.")
+    height_m: list[MaybeMetres] = Field(
+        description="Of the road, as published: those of its nodes, between which the grade is even but for the "
+        "steepest stretch."
+    )
+    height_sigma_m: list[MaybeMetres] = Field(
+        description="One standard deviation of each height by itself. Errors of neighbours go together, so heights "
+        "differ far more surely than this; how surely, the slope's sigma says."
+    )
+    dem_height_m: list[MaybeMetres] = Field(
+        description="Of the elevation model there: of the ground, also where the road is a bridge or tunnel."
+    )
+    source: Literal["drives", "neighbours"] | None = Field(
+        description="What height_m rests on: drives over it, or (with gaps) those on both its sides; null: unknown."
+    )
+    datum: str = Field(description="What height_m refers to. The elevation model may have another.")
+    attribution: str
+    links: list[Link]
+
+
+@router.get("/{segment_id}/profile", summary="The heights along a segment", responses=problems(404, 422, 503))
+def segment_profile(
+    segment_id: SegmentId, service: ServiceDep, base: BaseUrl, gaps: GapsQuery = None
+) -> SegmentProfile:
+    """Heights at the segment's ends and every 20 m or so between, measured and by the elevation model.
+
+    Where nobody drove, `height_m` is null everywhere. With `gaps`, an undriven segment between driven ones has the
+    heights that follow from the roads on both its sides; `source` says so.
+    """
+    with service.reading() as session:
+        road, drives = existing(one_road(session, segment_id), "segment", segment_id)
+        credit = _credit(session, service.settings.dem_dir, road)
+    along_m = _places(road)
+    source: Literal["drives", "neighbours"] | None = None
+    if road.measured and (drives or gaps):
+        source = "drives" if drives else "neighbours"
+    height_m: list[float | None] = [None] * len(along_m)
+    sigma_m = list(height_m)
+    if source is not None:
+        heights = [measured_height(road, share) for share in (along_m / road.length_m).tolist()]
+        height_m = [one.height_m for one in heights]
+        sigma_m = [None if road.height_sigma_m is None else one.sigma_m for one in heights]
+    up = f"{base}/v1/segments/{segment_id}"
+    return SegmentProfile(
+        segment_id=segment_id,
+        length_m=road.length_m,
+        along_m=along_m.tolist(),
+        height_m=height_m,
+        height_sigma_m=sigma_m,
+        dem_height_m=_of_model(road, along_m),
+        source=source,
+        datum=HEIGHT_DATUM,
+        attribution=credit,
+        links=[
+            link(with_query(f"{up}/profile", gaps=gaps), "self"),
+            link(with_query(up, gaps=gaps), "up", GEO_JSON),
+        ],
+    )
+
+
+def _places(road: RoadHere) -> Floats:
+    """Where the elevation model has heights of it, and where the steepest stretch begins and ends, m; shape (n,)."""
+    knots = np.linspace(0.0, road.length_m, int(interval_count(knot_length(road.length_m))) + 1)
+    bends = [at for at in (road.steepest_from_m, road.steepest_to_m) if at is not None]
+    other = [at for at in bends if np.min(np.abs(knots - at)) > APART_M and 0.0 < at < road.length_m]
+    return np.unique(np.r_[knots, other])
+
+
+def _of_model(road: RoadHere, along_m: Floats) -> list[float | None]:
+    heights = np.array(road.dem_heights_m or [], float)
+    if not len(heights):
+        return [None] * len(along_m)
+    at = np.interp(along_m, np.linspace(0.0, road.length_m, len(heights)), heights)
+    return [height if np.isfinite(height) else None for height in at.tolist()]
+
+
+def _credit(session: Session, folder: Any, road: RoadHere) -> str:
+    if not road.dem_heights_m:
+        return attribution()
+    ends = [(road.lon0_deg, road.lat0_deg), (road.lon1_deg, road.lat1_deg)]
+    return attribution(names_over(current_dem(session, folder), [(*end, *end) for end in ends]))

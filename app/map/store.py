@@ -144,42 +144,6 @@ def segments_by_id(session: Session, ids: Sequence[int]) -> list[Segment]:
     return [_segment(row) for row in session.execute(_statement(_EACH), {"ids": list(ids)})]
 
 
-@dataclass(frozen=True)
-class _EstimateRow:
-    """One drive's estimate of one segment.
-
-    ``in_network``: the drive contributes factors, which are solved with all others. ``accepted``: whether any of its
-    passes over the segment is accepted; None for a slope-only drive.
-    """
-
-    slope_percent: float
-    slope_sigma_percent: float
-    observations: int
-    passes: int
-    first_at: datetime
-    last_at: datetime
-    in_network: bool
-    accepted: bool | None
-
-
-@dataclass(frozen=True)
-class ObservationRow(_EstimateRow):
-    """One drive behind a segment's slope, with the provenance of its estimate.
-
-    ``weight`` is its share in the slope, 0 to 1, by the inverse variance of its own estimate.
-    """
-
-    drive_id: uuid.UUID
-    drive_time: datetime | None
-    weight: float
-    method: str
-    options: dict[str, Any]
-    code_version: str
-    road_version_id: int
-    dem_version_id: int | None
-    estimated_at: datetime
-
-
 # The drives behind a segment, each with how its estimate was made, and whether any pass of it is accepted. What
 # one contributes, 1/percent squared, is nothing where a drive of the network is rejected. A share is one of all drives,
 # so all are read, as three columns, whichever page is shown.
@@ -221,7 +185,7 @@ _OBSERVATIONS = text(
 
 def segment_observations(
     session: Session, segment_id: int, *, limit: int = 100, after: tuple[datetime, uuid.UUID] | None = None
-) -> list[ObservationRow]:
+) -> Sequence[Row[Any]]:
     """At most ``limit`` of the drives behind a segment's slope, the latest first.
 
     ``after``: of the last one before the page, when it came to the segment and its id. Empty for an undriven or
@@ -229,14 +193,26 @@ def segment_observations(
     """
     first_at, drive_id = after or (None, None)
     values = {"id": segment_id, "limit": limit, "after_first_at": first_at, "after_id": drive_id}
-    return [ObservationRow(**row._mapping) for row in session.execute(_OBSERVATIONS, values)]
+    return session.execute(_OBSERVATIONS, values).all()
 
 
 @dataclass(frozen=True)
-class DriveSegmentRow(_EstimateRow):
-    """One drive's estimate; ``segment`` carries the combination of all drives."""
+class DriveSegmentRow:
+    """One drive's estimate of one segment; ``segment`` carries the combination of all drives.
+
+    ``in_network``: the drive contributes factors, which are solved with all others. ``accepted``: whether any of its
+    passes over the segment is accepted; None for a slope-only drive.
+    """
 
     segment: Segment
+    slope_percent: float
+    slope_sigma_percent: float
+    observations: int
+    passes: int
+    first_at: datetime
+    last_at: datetime
+    in_network: bool
+    accepted: bool | None
 
 
 # A drive's own estimates beside the combination of all drives.
@@ -272,20 +248,8 @@ def drive_segment_rows(
     """
     first_at, segment_id = after or (None, None)
     values = {"drive_id": drive_id, "limit": limit, "after_first_at": first_at, "after_id": segment_id}
-    return [
-        DriveSegmentRow(
-            segment=_segment(row),
-            slope_percent=row.own_slope,
-            slope_sigma_percent=row.own_sigma,
-            observations=row.own_observations,
-            passes=row.passes,
-            first_at=row.first_at,
-            last_at=row.last_at,
-            in_network=row.in_network,
-            accepted=row.accepted,
-        )
-        for row in session.execute(_OF_DRIVE, values)
-    ]
+    own = len(COLUMNS) + 4  # behind what is of the segment, and its ends
+    return [DriveSegmentRow(_segment(row), *row[own:]) for row in session.execute(_OF_DRIVE, values)]
 
 
 FULL_ZOOM = 13

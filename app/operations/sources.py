@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from app.core.db import Bounds
 from app.core.http import BaseUrl, Link, ServiceDep, link, problems
 from app.core.text import Moment
-from app.map.statistics import figures
+from app.map import figures
 from app.roads.store import driven_by_region, region_standings
 from app.terrain.store import current_dem, rasters_came
 

@@ -15,9 +15,8 @@ from markupsafe import Markup
 
 from app.core.http import REVALIDATE, BaseUrl, ServiceDep, link
 from app.core.query import refuse_unknown
-from app.map.items.api import OPENAPI_30, OPENAPI_31
-from app.map.items.negotiation import AS_HTML, HTML, FormatQuery, link_header, wanted
-from app.map.items.pages import described
+from app.map.items.landing import OPENAPI_30, OPENAPI_31
+from app.map.items.pages import AS_HTML, HTML, FormatQuery, described, link_header, wanted
 from app.web import guides
 from app.web.pages import file_answer, file_of, page_answer
 

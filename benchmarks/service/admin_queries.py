@@ -26,10 +26,9 @@ from accuracy.scoring import write_json
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
-from app.map.heights.choice import nearest
-from app.map.heights.road_heights import heights_of
+from app.map import figures
+from app.map.heights.road_heights import heights_of, nearest
 from app.map.heights.store import roads_near
-from app.map.statistics import figures
 from app.network.cells import raise_versions
 from app.ops.admin.queries import QUERIES
 from app.ops.admin.store import Parameters

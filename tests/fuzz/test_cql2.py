@@ -17,9 +17,8 @@ import pytest
 from app.core.db import fetch_binary
 from app.core.errors import BadQueryError
 from app.map.items.collections import COLLECTIONS, GEOMETRY
-from app.map.items.cql import JSON, TEXT
+from app.map.items.cql import ARITHMETIC, COMPARED, JSON, OF_TEXTS, SPATIAL, TEMPORAL, TEXT
 from app.map.items.filters import MOST_SQL_CHARACTERS
-from app.map.items.operators import ARITHMETIC, COMPARED, OF_TEXTS, SPATIAL, TEMPORAL
 from app.map.items.request import parse_items
 from app.map.items.store import page
 from fuzz_support import first_seed, rounds

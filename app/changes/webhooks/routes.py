@@ -1,29 +1,176 @@
-"""Addresses that are told of events, over HTTP."""
+"""Addresses that are told of events, over HTTP, and what is said to and of them."""
 
 from __future__ import annotations
 
 import uuid
-from typing import Annotated
+from typing import Annotated, Any, Literal, Self
 
 from fastapi import APIRouter, Body, Path, Request, Response
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.changes.store import horizon, version_text
 from app.changes.webhooks import store
-from app.changes.webhooks.documents import (
-    Delivery,
-    MessageAccepted,
-    Webhook,
-    WebhookChange,
-    WebhookCreated,
-    WebhookList,
-    WebhookRequest,
-    WebhookWithDeliveries,
-)
 from app.changes.webhooks.sending import RefusedError, check_url, new_secret
-from app.changes.webhooks.store import SEGMENTS_CHANGED, TEST, WebhookRow
+from app.changes.webhooks.store import EVENTS, SEGMENTS_CHANGED, TEST, WebhookRow
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, Link, Service, ServiceDep, existing, link, problems
 from app.core.query import refuse_unknown
+from app.core.text import Moment
+
+Event = Literal["segments.changed", "drive.done", "drive.failed"]
+_EXAMPLE_ID = "8f0c8d5e-0d1c-4f43-9a3f-2f6f5c1b7a10"
+_EXAMPLE_URL = "https://example.org/versant"
+_REQUEST: dict[str, Any] = {
+    "url": _EXAMPLE_URL,
+    "events": ["segments.changed", "drive.failed"],
+    "bbox": [8.46, 48.95, 8.50, 48.99],
+}
+_EXAMPLE: dict[str, Any] = {
+    "id": _EXAMPLE_ID,
+    **_REQUEST,
+    "active": True,
+    "off_reason": None,
+    "failures": 0,
+    "failing_since": None,
+    "last_success_at": "2026-11-20T09:13:02.004Z",
+    "created_at": "2026-11-20T08:00:00.000Z",
+    "links": [],
+}
+_DELIVERY: dict[str, Any] = {
+    "id": "msg_2f6f5c1b7a104f439a3f8f0c8d5e0d1c",
+    "event": "segments.changed",
+    "state": "taken",
+    "attempts": 1,
+    "status": 204,
+    "problem": None,
+    "created_at": "2026-11-20T09:13:02.004Z",
+    "next_at": None,
+    "ended_at": "2026-11-20T09:13:02.104Z",
+}
+
+
+def _events(names: list[Event]) -> list[Event]:
+    return sorted(set(names), key=list(EVENTS).index)
+
+
+def _box(corners: list[float]) -> list[float]:
+    west, south, east, north = corners
+    if not (-180 <= west <= 180 and -180 <= east <= 180 and -90 <= south < north <= 90 and west != east):
+        raise ValueError("write west, south, east, north in degrees; west may exceed east, south not north")
+    return corners
+
+
+Events = Annotated[
+    list[Event],
+    AfterValidator(_events),
+    Field(min_length=1, max_length=len(EVENTS), description="What it is told of."),
+]
+_Corners = Annotated[
+    list[Annotated[float, Field(allow_inf_nan=False)]],
+    Field(min_length=4, max_length=4),
+    AfterValidator(_box),
+]
+Box = Annotated[
+    _Corners | None,
+    Field(
+        description="West, south, east, north in degrees (west > east: across the antimeridian): only segments, and "
+        "drives, that meet it. Null: everywhere."
+    ),
+]
+Url = Annotated[
+    str, Field(min_length=1, max_length=2000, description="Where messages are sent, by POST; https.")
+]
+
+
+class WebhookRequest(BaseModel, extra="forbid", json_schema_extra={"examples": [_REQUEST]}):
+    """An address that wants to be told."""
+
+    url: Url
+    events: Events
+    bbox: Box = None
+
+
+class WebhookChange(BaseModel, extra="forbid", json_schema_extra={"examples": [{"active": True}]}):
+    """What is to be another way; what is not named stays."""
+
+    url: Url | None = None
+    events: Events | None = None
+    bbox: Box = None
+    active: bool | None = Field(
+        None, description="Messages are sent to it; true also after it was switched off."
+    )
+
+
+class Webhook(BaseModel, json_schema_extra={"examples": [_EXAMPLE]}):
+    """An address that is told of events."""
+
+    id: uuid.UUID
+    url: str
+    events: list[str]
+    bbox: list[float] | None
+    active: bool
+    off_reason: str | None = Field(description="Why the service switched it off.")
+    failures: int = Field(description="In a row.")
+    failing_since: Moment | None
+    last_success_at: Moment | None
+    created_at: Moment
+    links: list[Link] = Field(default_factory=list)
+
+    @classmethod
+    def of(cls, row: WebhookRow, base: str, **more: Any) -> Self:
+        """Build from what the store returns, with its link."""
+        return cls(**row._asdict(), links=[link(f"{base}/v1/webhooks/{row.id}", "self")], **more)
+
+
+class WebhookCreated(Webhook):
+    """The same with its secret, which is not shown again."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{**_EXAMPLE, "secret": "whsec_dGhpcyBpcyBubyBzZWNyZXQsIGJ1dCBhbiBleGFtcGxl"}]
+        }
+    )
+
+    secret: str = Field(description="Messages are signed by it (Standard Webhooks). It is shown this once.")
+
+
+class Delivery(BaseModel):
+    """A message, and what became of it."""
+
+    id: str = Field(description="The header webhook-id: the same at each attempt.")
+    event: str
+    state: Literal["waiting", "taken", "given up"]
+    attempts: int
+    status: int | None = Field(description="HTTP's, of the last attempt; null where there was no answer.")
+    problem: str | None = Field(description="What was wrong at the last attempt.")
+    created_at: Moment
+    next_at: Moment | None = Field(description="It is not sent before; null where it has ended.")
+    ended_at: Moment | None
+
+
+class WebhookWithDeliveries(Webhook):
+    """The same with its newest messages."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{**_EXAMPLE, "deliveries": [_DELIVERY]}]})
+
+    deliveries: list[Delivery] = Field(default_factory=list, description="The newest first.")
+
+
+class WebhookList(BaseModel, json_schema_extra={"examples": [{"webhooks": [_EXAMPLE], "links": []}]}):
+    """All of them."""
+
+    webhooks: list[Webhook]
+    links: list[Link]
+
+
+class MessageAccepted(
+    BaseModel, json_schema_extra={"examples": [{"delivery": _DELIVERY["id"], "links": []}]}
+):
+    """A test message waits."""
+
+    delivery: str = Field(description="The message's id.")
+    links: list[Link]
+
 
 MOST = 100
 """Addresses of one service: each is looked after every second."""
@@ -37,10 +184,7 @@ router = APIRouter(prefix="/v1/webhooks", tags=["changes"])
 
 
 @router.post(
-    "",
-    status_code=201,
-    summary="Be told of events",
-    responses={**UNREADABLE_BODY, **problems(403, 422, 503)},
+    "", status_code=201, summary="Be told of events", responses={**UNREADABLE_BODY, **problems(403, 422, 503)}
 )
 def add(
     request: Request, service: ServiceDep, base: BaseUrl, response: Response, wish: WebhookRequest
@@ -62,11 +206,10 @@ def add(
                 f"There are {MOST} webhooks already. Remove one that is not needed any more."
             )
         version = version_text(session, horizon(session)) if SEGMENTS_CHANGED in wish.events else None
-        box = None if wish.bbox is None else (wish.bbox[0], wish.bbox[1], wish.bbox[2], wish.bbox[3])
-        row = store.add_webhook(session, wish.url, secret, wish.events, box, version)
+        row = store.add_webhook(session, wish.url, secret, wish.events, wish.bbox, version)
     response.headers["Location"] = f"{base}/v1/webhooks/{row.id}"
     response.headers["Cache-Control"] = "no-store"
-    return WebhookCreated(**Webhook.of(row, _links(base, row.id)).model_dump(), secret=secret)
+    return WebhookCreated.of(row, base, secret=secret)
 
 
 @router.get("", summary="Who is told of events", responses=problems(422, 503))
@@ -75,8 +218,8 @@ def list_all(request: Request, service: ServiceDep, base: BaseUrl) -> WebhookLis
     refuse_unknown(request, (), BadRequestError)
     with service.reading() as session:
         rows = store.list_webhooks(session)
-    webhooks = [Webhook.of(row, _links(base, row.id)) for row in rows]
-    return WebhookList(webhooks=webhooks, links=[link(f"{base}/v1/webhooks", "self")])
+    links = [link(f"{base}/v1/webhooks", "self")]
+    return WebhookList(webhooks=[Webhook.of(row, base) for row in rows], links=links)
 
 
 @router.get("/{webhook_id}", summary="One of them, and its messages", responses=problems(404, 422, 503))
@@ -85,8 +228,7 @@ def get(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> WebhookWit
     with service.reading() as session:
         row: WebhookRow = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         deliveries = store.last_deliveries(session, webhook_id, SHOWN)
-    document = Webhook.of(row, _links(base, row.id)).model_dump()
-    return WebhookWithDeliveries(**document, deliveries=[Delivery.of(one) for one in deliveries])
+    return WebhookWithDeliveries.of(row, base, deliveries=deliveries)
 
 
 @router.patch(
@@ -107,7 +249,7 @@ def change(
     changes = wish.model_dump(exclude_unset=True)
     for name in ("url", "events", "active"):
         if name in changes and changes[name] is None:
-            raise BadRequestError(f"{name}: it cannot be null. Leave it out to keep it.", field=name)
+            raise BadRequestError.about(name, "it cannot be null. Leave it out to keep it.")
     if wish.url is not None:
         _check(service, wish.url)
     with service.sessions.begin() as session:
@@ -116,7 +258,7 @@ def change(
         follows = SEGMENTS_CHANGED in changed.events
         version = (row.reported_version or version_text(session, horizon(session))) if follows else None
         row = store.change_webhook(session, changed._replace(reported_version=version))
-    return Webhook.of(row, _links(base, row.id))
+    return Webhook.of(row, base)
 
 
 @router.delete(
@@ -145,12 +287,8 @@ def send_test(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> Mess
     return MessageAccepted(delivery=f"msg_{message.hex}", links=links)
 
 
-def _links(base: str, webhook_id: uuid.UUID) -> list[Link]:
-    return [link(f"{base}/v1/webhooks/{webhook_id}", "self")]
-
-
 def _check(service: Service, url: str) -> None:
     try:
         check_url(url, private=service.settings.webhook_private)
     except RefusedError as error:
-        raise BadRequestError(f"url: {error}", field="url") from error
+        raise BadRequestError.about("url", f"{error}") from error

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import Bounds, plain_json
+from app.core.db import plain_json
 
 SEGMENTS_CHANGED, DRIVE_DONE, DRIVE_FAILED = "segments.changed", "drive.done", "drive.failed"
 EVENTS: Mapping[str, str] = {
@@ -33,9 +33,25 @@ CLAIM_S = 60.0
 KEPT_DAYS = 7.0
 """For so long messages are shown that were taken or given up."""
 
-_COLUMNS = """
-    id, url, events, bbox, active, off_reason, reported_version, failures, failing_since, last_success_at, created_at
-"""
+
+class WebhookRow(NamedTuple):
+    """An address, without its secret."""
+
+    id: uuid.UUID
+    url: str
+    events: list[str]
+    bbox: list[float] | None
+    active: bool
+    off_reason: str | None
+    reported_version: str | None
+    failures: int
+    failing_since: datetime | None
+    last_success_at: datetime | None
+    created_at: datetime
+
+
+_COLUMNS = ", ".join(WebhookRow._fields)
+
 _ADD = text(
     f"""
     INSERT INTO webhooks (id, url, secret, events, bbox, reported_version)
@@ -65,13 +81,15 @@ _CHANGE = text(
         FROM webhooks AS o WHERE o.id = :id FOR NO KEY UPDATE
     ) AS new
     WHERE w.id = new.id
-    RETURNING {", ".join(f"w.{name.strip()}" for name in _COLUMNS.split(","))}
+    RETURNING {", ".join(f"w.{name}" for name in WebhookRow._fields)}
     """  # noqa: S608 - constants
 )
 _LAST = text(
     """
-    SELECT id, event, state, attempts, status, problem, created_at, due_at, ended_at FROM webhook_deliveries
-    WHERE webhook_id = :id ORDER BY created_at DESC, id LIMIT :limit
+    SELECT 'msg_' || replace(CAST(id AS text), '-', '') AS id, event, state, attempts, status, problem, created_at,
+           CASE WHEN state = 'waiting' THEN due_at END AS next_at, ended_at
+    FROM webhook_deliveries
+    WHERE webhook_id = :id ORDER BY created_at DESC, webhook_deliveries.id LIMIT :limit
     """
 )
 
@@ -182,36 +200,6 @@ _PRUNE = text(
 )
 
 
-class WebhookRow(NamedTuple):
-    """An address, without its secret."""
-
-    id: uuid.UUID
-    url: str
-    events: list[str]
-    bbox: list[float] | None
-    active: bool
-    off_reason: str | None
-    reported_version: str | None
-    failures: int
-    failing_since: datetime | None
-    last_success_at: datetime | None
-    created_at: datetime
-
-
-class DeliveryRow(NamedTuple):
-    """A message, and what became of it."""
-
-    id: uuid.UUID
-    event: str
-    state: str
-    attempts: int
-    status: int | None
-    problem: str | None
-    created_at: datetime
-    due_at: datetime
-    ended_at: datetime | None
-
-
 class Due(NamedTuple):
     """A message that is to be sent now, by whoever was handed it."""
 
@@ -229,19 +217,18 @@ def add_webhook(
     url: str,
     secret: str,
     events: Sequence[str],
-    bbox: Bounds | None,
+    bbox: Sequence[float] | None,
     reported_version: str | None,
 ) -> WebhookRow:
     """Make one; ``reported_version``: the version from which on it is told of segments, if it asks for that."""
     values = {"id": uuid.uuid4(), "url": url, "secret": secret, "events": list(events)}
-    values |= {"bbox": None if bbox is None else list(bbox), "reported_version": reported_version}
+    values |= {"bbox": bbox, "reported_version": reported_version}
     return WebhookRow(*session.execute(_ADD, values).one())
 
 
 def change_webhook(session: Session, changed: WebhookRow) -> WebhookRow:
     """Write the address, events, box and whether it is active."""
-    values = changed._asdict()
-    return WebhookRow(*session.execute(_CHANGE, values).one())
+    return WebhookRow(*session.execute(_CHANGE, changed._asdict()).one())
 
 
 def count_webhooks(session: Session) -> int:
@@ -265,9 +252,10 @@ def delete_webhook(session: Session, webhook_id: uuid.UUID) -> bool:
     return session.execute(_DELETE, {"id": webhook_id}).scalar() is not None
 
 
-def last_deliveries(session: Session, webhook_id: uuid.UUID, limit: int) -> list[DeliveryRow]:
-    """Its newest messages."""
-    return [DeliveryRow(*row) for row in session.execute(_LAST, {"id": webhook_id, "limit": limit})]
+def last_deliveries(session: Session, webhook_id: uuid.UUID, limit: int) -> list[dict[str, Any]]:
+    """Its newest messages, each by name: ``next_at`` is when it is sent at the earliest, None where it has ended."""
+    rows = session.execute(_LAST, {"id": webhook_id, "limit": limit})
+    return [dict(row._mapping) for row in rows]
 
 
 def announce_drive(session: Session, event: str, drive_id: uuid.UUID, data: Mapping[str, Any]) -> None:

@@ -15,8 +15,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from app.changes.pages import count_since
-from app.changes.store import Since, State, parse_since, state, text_of
+from app.changes.store import Since, State, count_since, parse_since, state, text_of
 from app.changes.webhooks import sending, store
 from app.changes.webhooks.store import SEGMENTS_CHANGED, Due, WebhookRow
 from app.core.db import Sessions
@@ -159,9 +158,7 @@ def _told_of(session: Session, now: State, webhook: WebhookRow) -> dict[str, Any
         return {**versions, "since": None, "segments": None, "gone": None, "counted_all": False}
     if since >= until:
         return None
-    west, south, east, north = webhook.bbox or (0, 0, 0, 0)
-    box = None if webhook.bbox is None else (west, south, east, north)
-    segments, gone, counted_all = count_since(session, now, since, COUNTED, box)
+    segments, gone, counted_all = count_since(session, now, since, COUNTED, webhook.bbox)
     if counted_all and not segments:
         store.set_reported_version(session, webhook.id, versions["version"])
         return None

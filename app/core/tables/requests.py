@@ -34,7 +34,7 @@ class Export(RequestColumns, Base):
     request_sha256: Mapped[str] = mapped_column(index=True)
     """Of the request and of the version of the program."""
     data_version: Mapped[str | None]
-    """Of the snapshot that it is made from (``app.exports.provenance``); NULL until it runs."""
+    """Of the snapshot that it is made from (``app.exports.making``); NULL until it runs."""
     provenance: Mapped[dict[str, Any] | None]
     companions: Mapped[dict[str, Any]] = mapped_column(server_default=sa.text("'{}'"))
     """The small files that belong beside it: name -> text."""
@@ -247,7 +247,7 @@ class ProcessTotals(Base):
 
 
 class KeptFigures(Base):
-    """Figures that take a look at the whole map, as a worker made them last (``app.map.statistics.figures``)."""
+    """Figures that take a look at the whole map, as a worker made them last (``app.map.figures``)."""
 
     __tablename__ = "kept_figures"
 

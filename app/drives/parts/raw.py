@@ -6,13 +6,11 @@ import uuid
 from typing import Any, BinaryIO
 
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
 from app.core.admission import PARTS
-from app.core.errors import STATUS_KINDS, NotFoundError
+from app.core.errors import NotFoundError
 from app.core.http import JSON, Service, ServiceDep, existing, not_modified, problems
-from app.core.problems import problem_response
 from app.core.text import columns_text, dumps
 from app.drives import store as drives
 from app.drives import tracks
@@ -23,7 +21,7 @@ from app.drives.outputs.measurements import (
     measurements_json,
 )
 from app.drives.parts.reading import PointsQuery, attachment, drive_and_track, drive_profile
-from app.exports.ranges import NoSuchRangeError, part_of, pieces
+from app.exports.ranges import file_answer
 
 BYTES = "application/octet-stream"
 BLOCK_BYTES = 2**20
@@ -83,22 +81,16 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
     shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
     if unchanged := not_modified(request, shared):
         return unchanged
-    try:
-        part = part_of(request.headers.get("range"), request.headers.get("if-range"), etag, size)
-    except NoSuchRangeError:
-        detail = f"The file has {size} bytes, and the range {request.headers['range'][:80]!r} begins beyond its end."
-        range_headers = {"Content-Range": f"bytes */{size}", "ETag": etag}
-        return problem_response(request, STATUS_KINDS[416], detail, headers=range_headers)
-    file = _opened(service, drive)
-    headers = shared | {
-        "Content-Disposition": attachment(_name(drive, file)),
-        "X-Content-Type-Options": "nosniff",
-        "Content-Security-Policy": "sandbox",
-        "Content-Length": str(size if part is None else part.size),
-    }
-    if part is not None:
-        headers["Content-Range"] = f"bytes {part.first}-{part.last}/{size}"
-    return StreamingResponse(pieces(file, part), 200 if part is None else 206, headers, BYTES)
+
+    def opened() -> tuple[BinaryIO, dict[str, str]]:
+        file = _opened(service, drive)
+        return file, shared | {
+            "Content-Disposition": attachment(_name(drive, file)),
+            "X-Content-Type-Options": "nosniff",
+            "Content-Security-Policy": "sandbox",
+        }
+
+    return file_answer(request, etag, size, BYTES, opened)
 
 
 def _opened(service: Service, drive: Drive) -> BinaryIO:

@@ -52,7 +52,7 @@ from app.drives.parts.reading import (
     in_blocks,
     stem_of,
 )
-from app.map.attribution import attribution
+from app.map.segment import attribution
 from app.map.segments import MAX_ID, SEGMENT_EXAMPLE, CursorQuery
 from app.map.store import drive_segment_rows
 

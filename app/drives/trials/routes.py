@@ -67,7 +67,7 @@ from app.drives.trials.documents import (
 )
 from app.drives.trials.results import beside_the_map, decode_slopes
 from app.drives.trials.store import trials
-from app.map.attribution import attribution
+from app.map.segment import attribution
 from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import segments_by_id
 from fusion.types import SegmentSlope

@@ -23,8 +23,7 @@ from app.exports.formats.osm_ele import OsmEle
 from app.exports.formats.osrm import OsrmSpeeds
 from app.exports.formats.pmtiles import PmTiles
 from app.exports.formats.routee import RouteeGrades
-from app.map.attribution import attribution
-from app.map.segment import HEIGHT_DATUM, Segment
+from app.map.segment import HEIGHT_DATUM, Segment, attribution
 from fusion.errors import UnknownNameError
 from fusion.registry import Registry
 

@@ -13,19 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from app.exports.format import WAY_FILTERS, WAYS, Stated, TableFormat
-from app.map.attribution import OSM_LICENSE_URL
-from app.map.segment import Record
+from app.map.segment import OSM_LICENSE_URL, Record
 
 GEOMETRY = "wkt"
-_DATATYPES = {
-    "int16": "integer",
-    "int32": "integer",
-    "int64": "integer",
-    "double": "number",
-    "string": "string",
-    "bool": "boolean",
-    "timestamp[ms, tz=UTC]": "dateTime",
-}
+_DATATYPES = {"time": "dateTime"}
+"""What CSVW calls otherwise than ``Column.kind``."""
 
 
 class Csv(TableFormat):
@@ -46,7 +38,10 @@ class Csv(TableFormat):
             table = csv.writer(file)
             table.writerow([*self.layer.columns, GEOMETRY])
             for record in records:
-                table.writerow([*map(_cell, record.properties().values()), _wkt(record)])
+                line = ", ".join(f"{lon} {lat}" for lon, lat in record.rounded_coordinates())
+                values = record.properties().values()
+                cells = [str(value).lower() if isinstance(value, bool) else value for value in values]
+                table.writerow([*cells, f"LINESTRING ({line})"])
                 count += 1
         return count
 
@@ -61,9 +56,14 @@ class Csv(TableFormat):
             about["dc:modified"] = {"@value": stated["changed_at"], "@type": "xsd:dateTime"}
         if "provenance" in stated:
             about["dc:provenance"] = stated["provenance"]
-        types = {name: _DATATYPES[column.arrow] for name, column in self.layer.columns.items()}
+        types = {
+            name: _DATATYPES.get(column.kind, column.kind) for name, column in self.layer.columns.items()
+        }
         types[GEOMETRY] = "string"
-        columns = [{"name": name, "titles": name, "datatype": kind} for name, kind in types.items()]
+        columns = [
+            {"name": name, "titles": name, "datatype": "dateTime" if kind == "time" else kind}
+            for name, kind in types.items()
+        ]
         table = {
             "@context": ["http://www.w3.org/ns/csvw", {"@language": "en"}],
             "url": path.name,
@@ -82,11 +82,3 @@ class WayCsv(Csv):
     layer = WAYS
     holds = WAYS.name
     filters = WAY_FILTERS
-
-
-def _cell(value: Any) -> Any:
-    return str(value).lower() if isinstance(value, bool) else value
-
-
-def _wkt(record: Record) -> str:
-    return f"LINESTRING ({', '.join(f'{lon} {lat}' for lon, lat in record.rounded_coordinates())})"

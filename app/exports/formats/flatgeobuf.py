@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from app.exports.format import SEGMENTS, Stated, TableFormat
-from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Record
 
 
@@ -33,7 +32,3 @@ class FlatGeobuf(TableFormat):
             "DESCRIPTION": metadata.pop("attribution"),
         }
         return write_by_gdal(records, path, "FlatGeobuf", SEGMENTS, metadata=metadata, options=options)
-
-    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
-        """The style for QGIS."""
-        return style_beside(path)

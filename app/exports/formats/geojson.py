@@ -9,7 +9,6 @@ from typing import Any
 
 from app.core.text import GEO_JSON, dumps
 from app.exports.format import Stated, TableFormat
-from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Record
 
 
@@ -38,6 +37,8 @@ class GeoJson(TableFormat):
     def write_records(self, records: Iterable[Record], path: Path, stated: Stated) -> int:
         """Write the collection with what is ``stated`` as members."""
         count = 0
+        # Where the data come from is a document by itself.
+        members = {name: json.loads(text) if name == "provenance" else text for name, text in stated.items()}
 
         def counted() -> Iterator[Record]:
             nonlocal count
@@ -46,17 +47,5 @@ class GeoJson(TableFormat):
                 yield record
 
         with path.open("w", encoding="utf-8") as file:
-            file.writelines(collection_chunks(counted(), _members(stated)))
+            file.writelines(collection_chunks(counted(), members))
         return count
-
-    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
-        """The style for QGIS."""
-        return style_beside(path)
-
-
-def _members(stated: Stated) -> dict[str, Any]:
-    """What is stated as members; where the data come from is a document by itself."""
-    members: dict[str, Any] = dict(stated)
-    if "provenance" in members:
-        members["provenance"] = json.loads(members["provenance"])
-    return members

@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 
 from app.exports.format import WAY_FILTERS, WAYS, Stated, TableFormat
-from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Record
-from fusion.types import Floats
 
 NO_BOUNDS = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
@@ -46,14 +44,14 @@ class GeoParquet(TableFormat):
             for table in arrow_tables(records, ROWS_PER_GROUP, self.layer):
                 writer.write_table(table)
                 count += len(table)
-                bounds = _grown(bounds, bounds_deg(table))
-            geo = json.dumps(_metadata(GEOMETRY, bounds))
+                more = bounds_deg(table)
+                bounds = np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
+            column: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
+            if np.all(np.isfinite(bounds)):
+                column["bbox"] = bounds.tolist()
+            geo = json.dumps({"version": "1.1.0", "primary_column": GEOMETRY, "columns": {GEOMETRY: column}})
             writer.add_key_value_metadata({"geo": geo, **stated})
         return count
-
-    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
-        """The style for QGIS."""
-        return style_beside(path)
 
 
 class WayParquet(GeoParquet):
@@ -64,16 +62,3 @@ class WayParquet(GeoParquet):
     layer = WAYS
     holds = WAYS.name
     filters = WAY_FILTERS
-
-
-def _grown(bounds: Floats, more: Floats) -> Floats:
-    grown: Floats = np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
-    return grown
-
-
-def _metadata(geometry: str, bounds: Floats) -> dict[str, Any]:
-    """What the standard wants under the key ``geo``."""
-    column: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
-    if np.all(np.isfinite(bounds)):
-        column["bbox"] = [float(value) for value in bounds]
-    return {"version": "1.1.0", "primary_column": geometry, "columns": {geometry: column}}

@@ -22,7 +22,7 @@ from app.core.text import COORDINATE_DIGITS, dumps
 from app.exports.format import Format, Stated
 from app.exports.writing.inclines import InclineOptions, Section, proposals
 from app.exports.writing.osm_files import OsmNode
-from app.map.attribution import OSM_ATTRIBUTION
+from app.map.segment import OSM_ATTRIBUTION
 
 if TYPE_CHECKING:
     from app.exports.source import Source

@@ -29,7 +29,7 @@ from pydantic import Field
 
 from app.exports.format import Format, NoOptions, Stated
 from app.exports.formats.osm_ele import heights_of
-from app.exports.writing.best_slope import Unmeasured, directions, slope_of
+from app.exports.formats.osrm import Unmeasured, directions, slope_of
 from app.exports.writing.osm_files import read_nodes
 from fusion.errors import BadOptionsError
 from fusion.types import Floats, Ints

@@ -26,13 +26,12 @@ ROWS_PER_GROUP = 50_000
 _TIME = pa.timestamp("ms", tz="UTC")  # a type with a parameter, so no name stands for it
 
 
-def _type(name: str) -> pa.DataType:
-    return _TIME if name == str(_TIME) else pa.type_for_alias(name)
-
-
 def schema_of(layer: Layer) -> pa.Schema:
     """The properties in the contract's order, then the line as WKB."""
-    fields = [pa.field(name, _type(column.arrow)) for name, column in layer.columns.items()]
+    fields = [
+        pa.field(name, _TIME if column.arrow == str(_TIME) else pa.type_for_alias(column.arrow))
+        for name, column in layer.columns.items()
+    ]
     return pa.schema([*fields, pa.field(GEOMETRY, pa.binary())])
 
 

@@ -97,7 +97,8 @@ def read_nodes(files: Sequence[Path], bbox: Bounds | None = None, *, roads_only:
     with damage_told(files):
         ways = _Columns()
         for way in merged(files, osmium.osm.WAY):
-            if roads_only or _is_routed(way.tags):
+            tags = way.tags
+            if roads_only or any(tags.get(k) is not None and v in (None, tags.get(k)) for k, v in ROUTED):
                 ways.add(way)
         ref = np.frombuffer(ways.ref, np.int64) if ways.ref else np.empty(0, np.int64)
         node = np.unique(ref)
@@ -203,10 +204,6 @@ def damage_told(files: Sequence[Path]) -> Iterator[None]:
             raise
         names = ", ".join(path.name for path in files)
         raise RoadsError(f"{names}: damaged: {str(error).rstrip('.')}. Export it again.") from error
-
-
-def _is_routed(tags: Any) -> bool:
-    return any(tags.get(key) is not None and value in (None, tags.get(key)) for key, value in ROUTED)
 
 
 def _places(files: Sequence[Path], node: Ints) -> tuple[Floats, Floats]:

@@ -66,11 +66,7 @@ def classes() -> list[tuple[float, float, str]]:
     """(lower, upper, label) of each class in the order of ``COLOURS``, then of the unknown."""
     steep = [(low, high, f"{low:g} to {high:g} %") for low, high in pairwise(BREAKS_PERCENT)]
     last = BREAKS_PERCENT[-1]
-    return [
-        *steep,
-        (last, STEEPEST_PERCENT, f"{last:g} % and steeper"),
-        (UNKNOWN, UNKNOWN / 2, "unknown"),
-    ]
+    return [*steep, (last, STEEPEST_PERCENT, f"{last:g} % and steeper"), (UNKNOWN, UNKNOWN / 2, "unknown")]
 
 
 def style_beside(path: Path) -> dict[Path, str]:

@@ -23,12 +23,12 @@ def from_pairs(lat_deg: list[float], lon_deg: list[float], field: str) -> Floats
     """Rows of longitude and latitude, degrees, shape (n, 2); ``BadRequestError`` where one is none on Earth."""
     places = np.column_stack([lon_deg, lat_deg]).astype(float) if lat_deg else np.empty((0, 2))
     if not len(places):
-        raise BadRequestError(f"{field}: it names no place.", field=field)
+        raise BadRequestError.about(field, "it names no place.")
     bad = np.flatnonzero(~((np.abs(places[:, 0]) <= 180) & (np.abs(places[:, 1]) <= 90)))
     if len(bad):
-        raise BadRequestError(
-            f"{field}: place {bad[0] + 1} is none on Earth. Latitude goes from -90 to 90, longitude from -180 to 180.",
-            field=field,
+        raise BadRequestError.about(
+            field,
+            f"place {bad[0] + 1} is none on Earth. Latitude goes from -90 to 90, longitude from -180 to 180.",
         )
     return places
 
@@ -44,9 +44,8 @@ def from_text(text: str, field: str, most: int) -> Floats:
         try:
             lat, lon = (float(number) for number in part.split(","))
         except ValueError:
-            raise BadRequestError(
-                f"{field}: place {n} is {part[:40]!r}. Write latitude,longitude in degrees, places parted by |.",
-                field=field,
+            raise BadRequestError.about(
+                field, f"place {n} is {part[:40]!r}. Write latitude,longitude in degrees, places parted by |."
             ) from None
         lat_deg.append(lat)
         lon_deg.append(lon)
@@ -76,9 +75,7 @@ def from_polyline(text: str, digits: int, field: str, most: int) -> Floats:
 def check_number(places: int, field: str, most: int) -> None:
     """``BadRequestError`` for more places than one request may ask for."""
     if places > most:
-        raise BadRequestError(
-            f"{field}: {places} places; one request takes {most}. Ask in parts.", field=field
-        )
+        raise BadRequestError.about(field, f"{places} places; one request takes {most}. Ask in parts.")
 
 
 def spread(places: Floats, count: int) -> Floats:
@@ -96,4 +93,4 @@ def distances_along_m(places: Floats) -> Floats:
 
 
 def _malformed(field: str, where: str) -> BadRequestError:
-    return BadRequestError(f"{field}: this is no encoded polyline; it breaks at {where!r}.", field=field)
+    return BadRequestError.about(field, f"this is no encoded polyline; it breaks at {where!r}.")

@@ -10,12 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from app.core.errors import BadRequestError
 from app.core.http import Service, ServiceDep, problems
-from app.map.attribution import attribution
 from app.map.heights import places as reading
-from app.map.heights.choice import OnRoad, along_line, nearest
-from app.map.heights.road_heights import RoadHeight, heights_of
+from app.map.heights.road_heights import OnRoad, RoadHeight, along_line, heights_of, nearest
 from app.map.heights.store import roads_near
-from app.map.segment import HEIGHT_DATUM
+from app.map.segment import HEIGHT_DATUM, attribution
 from app.terrain.coverage import names_over
 from app.terrain.store import current_dem
 from fusion.types import Floats
@@ -55,10 +53,8 @@ RadiusQuery = Annotated[
 ]
 
 
-class Place(BaseModel):
+class Place(BaseModel, extra="ignore"):
     """A place, degrees."""
-
-    model_config = ConfigDict(extra="ignore")
 
     lat: float = Field(ge=-90, le=90)
     lon: float = Field(ge=-180, le=180)
@@ -90,10 +86,8 @@ class HeightRequest(BaseModel):
     id: str | None = Field(None, description="Comes back with the answer.")
 
 
-class Heights(BaseModel):
+class Heights(BaseModel, json_schema_extra={"examples": [HEIGHTS_EXAMPLE]}):
     """Heights in the order of the places; null where no road with a known height is near."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [HEIGHTS_EXAMPLE]})
 
     id: str | None = None
     shape: list[Place] | None = None
@@ -128,10 +122,8 @@ class Elevation(BaseModel):
     source: str | None = Field(description="What the height rests on.")
 
 
-class Elevations(BaseModel):
+class Elevations(BaseModel, json_schema_extra={"examples": [ELEVATIONS_EXAMPLE]}):
     """The Google Elevation API's answer, with what else is known of each height."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [ELEVATIONS_EXAMPLE]})
 
     results: list[Elevation]
     status: Literal["OK"] = "OK"
@@ -159,8 +151,12 @@ def get_height(
     """As POST."""
     try:
         request = HeightRequest.model_validate(json.loads(json_))
-    except (ValueError, RecursionError) as error:
-        raise BadRequestError(f"json: {_reason(error)}", field="json") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise BadRequestError.about("json", f"{where}: {first['msg']}.") from None
+    except (ValueError, RecursionError):
+        raise BadRequestError.about("json", "this is no JSON object.") from None
     return _answer(service, request)
 
 
@@ -211,10 +207,10 @@ def elevation(
         raise BadRequestError("Give locations, or path with samples.", field="locations")
     if path is not None:
         if samples is None:
-            raise BadRequestError("samples: how many places along path? 2 or more.", field="samples")
+            raise BadRequestError.about("samples", "how many places along path? 2 or more.")
         line = reading.from_text(path, "path", MOST_LOCATIONS)
         if len(line) < 2:
-            raise BadRequestError("path: a line has two places or more.", field="path")
+            raise BadRequestError.about("path", "a line has two places or more.")
         places = reading.spread(line, samples)
     else:
         places = reading.from_text(locations or "", "locations", MOST_LOCATIONS)
@@ -291,11 +287,3 @@ def _heights(
         east, north = places.max(axis=0).tolist()
         rasters = names_over(current_dem(session, service.settings.dem_dir), [(west, south, east, north)])
     return on, heights, attribution(rasters)
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, ValidationError):
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        return f"{where}: {first['msg']}."
-    return "this is no JSON object."

@@ -88,12 +88,7 @@ class RoadHere:
 def roads_near(session: Session, places: Floats, radius_m: float) -> list[list[RoadHere]]:
     """For each of the places, shape (n, 2), the segments whose box comes within ``radius_m`` of it; one statement."""
     wide = radius_m / (METRES_PER_DEGREE * np.maximum(np.cos(np.radians(places[:, 1])), 0.01))
-    values = {
-        "lon": places[:, 0],
-        "lat": places[:, 1],
-        "wide": wide,
-        "high": radius_m / METRES_PER_DEGREE,
-    }
+    values = {"lon": places[:, 0], "lat": places[:, 1], "wide": wide, "high": radius_m / METRES_PER_DEGREE}
     near: list[list[RoadHere]] = [[] for _ in range(len(places))]
     known: dict[int, RoadHere] = {}
     for n, *columns in fetch_binary(session, _NEAR, values):

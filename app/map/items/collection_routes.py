@@ -1,8 +1,16 @@
-"""The collections of features: what each is, where it lies, and where its items and what describes them are."""
+"""The collections of features: what each is, where it lies, which properties it has, and where its items are.
+
+What may be filtered and sorted by is JSON Schema (OGC API Features, parts 3 and 5): a property has one type; those
+that are not ``required`` may be null. GDAL and what stands on it (QGIS) take the types of properties from an XML
+Schema that a collection is ``describedby`` and no other document tells them of integers of 64 bits: its reader of
+JSON Schema makes 32 bits of every integer.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 from fastapi import APIRouter, Request, Response
 from sqlalchemy.orm import Session
@@ -11,17 +19,29 @@ from app.core.errors import NotFoundError
 from app.core.http import JSON, BaseUrl, Link, Service, ServiceDep, link, link_documents
 from app.core.query import refuse_unknown
 from app.core.text import GEO_JSON, utc_text
-from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution
 from app.map.coverage import cached_extent, dem_names
-from app.map.items.collections import COLLECTIONS, Collection
-from app.map.items.negotiation import AS_HTML, AS_JSON, HTML, FormatQuery, wanted
-from app.map.items.pages import described, document_answer
+from app.map.items.collections import COLLECTIONS, GEOMETRY, Collection, Property
+from app.map.items.pages import (
+    AS_HTML,
+    AS_SCHEMA,
+    AS_XSD,
+    HTML,
+    SCHEMA_JSON,
+    XML,
+    Crumbs,
+    FormatQuery,
+    FormDep,
+    answered,
+    crumbs,
+    described,
+    document_answer,
+    wanted,
+)
 from app.map.items.places import CRSS
-from app.map.items.schemas import schema_links
+from app.map.segment import CRS84, OSM_LICENSE, OSM_LICENSE_URL, attribution
 from app.map.tiles.documents import tilesets_link
 from app.network.cells import last_change
 
-CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
 GREGORIAN = "http://www.opengis.net/def/uom/ISO-8601/0/Gregorian"
 _EXAMPLE = {"id": "segments", "title": "Slopes of road segments", "itemType": "feature", "links": []}
 
@@ -31,7 +51,7 @@ unknown = APIRouter(include_in_schema=False)
 
 
 def collection_document(
-    service: Service, session: Session, base: str, collection: Collection, links: list[Link]
+    service: Service, session: Session, collection: Collection, links: list[Link]
 ) -> dict[str, Any]:
     """What is said of one collection, with these links."""
     bounds = cached_extent(service, session)
@@ -55,6 +75,11 @@ def collection_document(
     }
 
 
+def collection_crumbs(base: str, collection: Collection) -> Crumbs:
+    """The way to the pages below that of a collection."""
+    return crumbs(base, ("Collections", "collections"), (collection.title, f"collections/{collection.id}"))
+
+
 def collection_links(base: str, collection: Collection) -> list[Link]:
     """Where what belongs to a collection is."""
     here = f"{base}/collections/{collection.id}"
@@ -74,57 +99,33 @@ def collection_links(base: str, collection: Collection) -> list[Link]:
     response_class=Response,
     responses=described("All of them.", {JSON: {"links": [], "collections": [_EXAMPLE]}}, 400, 406, 503),
 )
-def collections(request: Request, service: ServiceDep, base: BaseUrl, f: FormatQuery = None) -> Response:
+def collections(request: Request, service: ServiceDep, base: BaseUrl, form: FormDep) -> Response:
     """The road segments, and the ways that they make up."""
-    refuse_unknown(request, {"f"})
-    form = wanted(request, f, AS_JSON, AS_HTML)
     here = f"{base}/collections"
-    with service.reading() as session:
-        documents = [
-            collection_document(service, session, base, one, [_self(here, one), *collection_links(base, one)])
-            for one in COLLECTIONS.values()
-        ]
     links = [*form.links(here), link(f"{base}/", "root", title="Versant")]
-    document = {"links": link_documents(links), "crs": list(CRSS), "collections": documents}
+    document: dict[str, Any] = {"links": link_documents(links), "crs": list(CRSS), "collections": []}
+    with service.reading() as session:
+        for one in COLLECTIONS.values():
+            own = [link(f"{here}/{one.id}", "self", title=one.title), *collection_links(base, one)]
+            document["collections"].append(collection_document(service, session, one, own))
+    above = crumbs(base)
     return document_answer(
-        request,
-        form,
-        document,
-        links,
-        template="collections.html",
-        title="Collections",
-        crumbs=[("Versant", f"{base}/")],
-        address=here,
+        request, form, document, links, "collections.html", "Collections", above, address=here
     )
-
-
-def _self(here: str, collection: Collection) -> Link:
-    return link(f"{here}/{collection.id}", "self", title=collection.title)
 
 
 def _route(collection: Collection) -> None:
     """The route to what is said of one collection."""
 
-    def document(request: Request, service: ServiceDep, base: BaseUrl, f: FormatQuery = None) -> Response:
-        refuse_unknown(request, {"f"})
-        form = wanted(request, f, AS_JSON, AS_HTML)
+    def document(request: Request, service: ServiceDep, base: BaseUrl, form: FormDep) -> Response:
         here = f"{base}/collections/{collection.id}"
-        links = [
-            *form.links(here),
-            link(f"{base}/collections", "parent", title="Collections"),
-            *collection_links(base, collection),
-        ]
+        up = link(f"{base}/collections", "parent", title="Collections")
+        links = [*form.links(here), up, *collection_links(base, collection)]
         with service.reading() as session:
-            content = collection_document(service, session, base, collection, links)
+            content = collection_document(service, session, collection, links)
+        above = crumbs(base, ("Collections", "collections"))
         return document_answer(
-            request,
-            form,
-            content,
-            links,
-            template="collection.html",
-            title=collection.title,
-            crumbs=[("Versant", f"{base}/"), ("Collections", f"{base}/collections")],
-            address=here,
+            request, form, content, links, "collection.html", collection.title, above, address=here
         )
 
     document.__doc__ = "Title, extent, reference systems, and where its items, its schema and its tiles are."
@@ -149,3 +150,157 @@ def no_such_collection(collection_id: str, rest: str = "") -> Response:
     if collection_id in COLLECTIONS:
         raise NotFoundError(f"There is nothing at /collections/{collection_id}/{rest}.")
     raise NotFoundError(f"There is no collection {collection_id!r}. There are: {', '.join(COLLECTIONS)}.")
+
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_RELATIONS = "http://www.opengis.net/def/rel/ogc/1.0/"
+SCHEMA_RELATION = _RELATIONS + "schema"
+QUERYABLES_RELATION = _RELATIONS + "queryables"
+SORTABLES_RELATION = _RELATIONS + "sortables"
+
+_ROLES = {"id": "id", "updated_at": "primary-instant"}
+_XSD_TYPES = {
+    ("integer", "int64"): "long",
+    ("integer", "int32"): "int",
+    ("number", None): "double",
+    ("string", None): "string",
+    ("string", "date-time"): "dateTime",
+    ("boolean", None): "boolean",
+}
+
+
+def schema_links(base: str, collection: Collection) -> list[Link]:
+    """The links of a collection to what describes it."""
+    here = f"{base}/collections/{collection.id}"
+    schema, queryables, sortables = (f"{here}/{name}" for name in ("schema", "queryables", "sortables"))
+    return [
+        link(schema, SCHEMA_RELATION, SCHEMA_JSON, "The properties of the items, JSON Schema"),
+        link(f"{schema}?f=xsd", "describedby", XML, "The properties of the items, XML Schema"),
+        link(f"{schema}?f=xsd", "describedBy", XML, "The same, as GDAL before 3.7 writes the relation"),
+        link(queryables, QUERYABLES_RELATION, SCHEMA_JSON, "What may be filtered by"),
+        link(sortables, SORTABLES_RELATION, SCHEMA_JSON, "What may be sorted by"),
+    ]
+
+
+def property_schema(one: Property) -> dict[str, Any]:
+    """The schema of a property's value where it is known."""
+    document: dict[str, Any] = {"title": one.title, "description": one.description, "type": one.type}
+    if one.format:
+        document["format"] = one.format
+    if one.values:
+        document["enum"] = list(one.values)
+    if one.unit:
+        document["x-ogc-unit"] = one.unit
+    return document
+
+
+def returnables(address: str, collection: Collection) -> dict[str, Any]:
+    """The schema of the items: all that is answered of each."""
+    properties = _properties(collection.properties.values())
+    for name, role in _ROLES.items():
+        if name in properties:
+            properties[name]["x-ogc-role"] = role
+    properties[GEOMETRY] = {**_LINE, "x-ogc-role": "primary-geometry"}
+    for n, one in enumerate(properties.values(), start=1):
+        one["x-ogc-propertySeq"] = n
+        one["readOnly"] = True
+    required = [name for name, one in collection.properties.items() if not one.nullable]
+    text = (
+        f"{collection.title}: the properties of each item. Those that are not required may be null: unknown."
+    )
+    return {**_schema(address, collection.title, text, properties), "required": [*required, GEOMETRY]}
+
+
+def queryables(address: str, collection: Collection) -> dict[str, Any]:
+    """What ``filter`` may name; all but the line are parameters of their own, too."""
+    properties = {**_properties(collection.properties.values()), GEOMETRY: dict(_LINE)}
+    text = "What filters may name. Each but geometry is a parameter of its own as well, as in highway=residential."
+    return _schema(address, f"{collection.title}: queryables", text, properties)
+
+
+def sortables(address: str, collection: Collection) -> dict[str, Any]:
+    """What ``sortby`` may name."""
+    text = "What sortby may name, with a minus before it for descending order. The unknown comes last."
+    properties = _properties(collection.properties.values())
+    return _schema(address, f"{collection.title}: sortables", text, properties)
+
+
+def xml_schema(collection: Collection) -> str:
+    """The properties as elements of an XML Schema (GML), but for the id, which is the feature's own."""
+    elements = "\n".join(
+        f'    <xs:element name={quoteattr(one.name)} type="xs:{_XSD_TYPES[one.type, one.format]}" '
+        f'minOccurs="{int(not one.nullable)}"/>'
+        for one in collection.properties.values()
+        if _ROLES.get(one.name) != "id"
+    )
+    return _XSD.format(name=collection.id, elements=elements)
+
+
+def _schema(address: str, title: str, description: str, properties: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "$schema": DIALECT,
+        "$id": address,
+        "type": "object",
+        "title": title,
+        "description": description,
+        "properties": properties,
+        "additionalProperties": False,
+    }
+
+
+def _properties(known: Iterable[Property]) -> dict[str, dict[str, Any]]:
+    return {one.name: property_schema(one) for one in known}
+
+
+_LINE = {"title": "Line", "description": "From from_node to to_node.", "format": "geometry-linestring"}
+_XSD = """<?xml version="1.0" encoding="UTF-8"?>
+<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" xmlns:gml="http://www.opengis.net/gml/3.2"
+    xmlns:versant="urn:versant:{name}" targetNamespace="urn:versant:{name}" elementFormDefault="qualified">
+  <xs:import namespace="http://www.opengis.net/gml/3.2" schemaLocation="http://schemas.opengis.net/gml/3.2.1/gml.xsd"/>
+  <xs:element name="{name}" type="versant:{name}Type" substitutionGroup="gml:AbstractFeature"/>
+  <xs:complexType name="{name}Type"><xs:complexContent><xs:extension base="gml:AbstractFeatureType"><xs:sequence>
+{elements}
+    <xs:element name="geometry" type="gml:CurvePropertyType"/>
+  </xs:sequence></xs:extension></xs:complexContent></xs:complexType>
+</xs:schema>
+"""
+_SCHEMA_EXAMPLE = {"$schema": DIALECT, "type": "object", "properties": {"highway": {"type": "string"}}}
+Maker = Callable[[str, Collection], dict[str, Any]]
+
+
+def _schema_route(collection: Collection, name: str, title: str, text: str, make: Maker) -> None:
+    """The route to one of the documents of one collection."""
+    forms = (AS_SCHEMA, AS_XSD, AS_HTML) if make is returnables else (AS_SCHEMA, AS_HTML)
+
+    def document(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
+        refuse_unknown(request, {"f"})
+        form = wanted(request, f, *forms)
+        up = f"{base}/collections/{collection.id}"
+        address = f"{up}/{name}"
+        links = [*form.links(address), link(up, "collection", title=collection.title)]
+        if form.form is AS_XSD:
+            return answered(request, xml_schema(collection), form.media_type, links=links)
+        schema = make(address, collection)
+        above = collection_crumbs(base, collection)
+        return document_answer(request, form, schema, links, "schema.html", schema["title"], above)
+
+    document.__doc__ = text
+    contents: dict[str, Any] = {
+        SCHEMA_JSON: _SCHEMA_EXAMPLE,
+        **({XML: "<xs:schema/>"} if AS_XSD in forms else {}),
+    }
+    router.add_api_route(
+        f"/collections/{collection.id}/{name}",
+        document,
+        name=f"{name}_of_{collection.id}",
+        summary=f"{title} of {collection.id}",
+        response_class=Response,
+        responses=described(f"{title}.", contents, 400, 406),
+    )
+
+
+_ALL_OF_IT = "Every property of an item: type, unit, meaning. Also as XML Schema."
+for _collection in COLLECTIONS.values():
+    _schema_route(_collection, "schema", "Schema", _ALL_OF_IT, returnables)
+    _schema_route(_collection, "queryables", "Queryables", "What `filter` may name.", queryables)
+    _schema_route(_collection, "sortables", "Sortables", "What `sortby` may name.", sortables)

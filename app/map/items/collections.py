@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app.map.segment import HEIGHT_DATUM, Column, Segment, Way
+from app.map.segment import HEIGHT_DATUM, JSON_TYPES, Column, Segment, Way, kind_of
 
 GEOMETRY = "geometry"
 """By this name filters know the line."""
@@ -35,13 +35,11 @@ class Property:
     """Decimal places, of numbers."""
     values: tuple[str | int, ...] = ()
     """All that there are, where they are few and known."""
-    queryable: bool = True
-    sortable: bool = True
 
     @property
     def kind(self) -> str:
         """What filters compare it with: integer, number, string, boolean, time."""
-        return "time" if self.format == "date-time" else self.type
+        return kind_of(self.type, self.format)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,16 +77,6 @@ class Collection:
     def key(self) -> str:
         """The expression of the feature's id."""
         return next(iter(self.keys.values()))
-
-    @property
-    def queryables(self) -> dict[str, Property]:
-        """What filters may name, besides the line."""
-        return {name: one for name, one in self.properties.items() if one.queryable}
-
-    @property
-    def sortables(self) -> dict[str, Property]:
-        """What pages may be sorted by."""
-        return {name: one for name, one in self.properties.items() if one.sortable}
 
 
 # Title, description, unit. The order and everything else come from the table that is described.
@@ -129,17 +117,6 @@ _TEXTS: Mapping[str, tuple[str, str, str | None]] = {
     "measured_share": ("Share that was measured", "Of the length, 0 to 1, in segments with a slope.", "1"),
 }
 
-_JSON: Mapping[str, tuple[str, str | None]] = {
-    "int64": ("integer", "int64"),
-    "int32": ("integer", "int32"),
-    "int16": ("integer", "int32"),
-    "double": ("number", None),
-    "string": ("string", None),
-    "bool": ("boolean", None),
-    "timestamp[ms, tz=UTC]": ("string", "date-time"),
-}
-"""Arrow's name of a type -> JSON Schema's type and format."""
-
 _ALWAYS = frozenset(
     {
         "id",
@@ -162,7 +139,7 @@ def _properties(columns: Mapping[str, Column]) -> dict[str, Property]:
     properties = {}
     for name, column in columns.items():
         title, description, unit = _TEXTS[name]
-        type_, format_ = _JSON[column.arrow]
+        type_, format_ = JSON_TYPES[column.arrow]
         properties[name] = Property(
             name=name,
             sql=column.sql,

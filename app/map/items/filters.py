@@ -9,15 +9,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from typing import Any, NoReturn
+from typing import Any
 
 from app.core.errors import BadQueryError
 from app.map.items.collections import GEOMETRY, Collection
-from app.map.items.cql import EXACT, JSON, parse_filter
-from app.map.items.operators import (
+from app.map.items.cql import (
     ARITHMETIC,
     COMPARED,
+    EXACT,
     FUNCTIONS,
+    JSON,
     NUMBERS,
     OF_TEXTS,
     SPATIAL,
@@ -25,11 +26,12 @@ from app.map.items.operators import (
     Value,
     describe,
     ends_in_escape,
+    parse_filter,
     whole_numbers,
 )
-from app.map.items.paging import MAX_ID, SQL_TYPES
-from app.map.items.places import Condition, Crs, wkb_of
-from app.map.items.times import interval, moment, span
+from app.map.items.paging import MAX_ID
+from app.map.items.places import Condition, Crs, interval, moment, span, wkb_of
+from app.map.segment import SQL_TYPES
 
 MOST_NODES = 2000
 MOST_LISTED = 1000
@@ -53,11 +55,8 @@ class _Compiler:
         """A truth value."""
         value = self._value(node)
         if value.kind != "boolean":
-            self._refuse(f"a condition must be true or false, not a {value.kind}")
+            raise self._error(f"a condition must be true or false, not a {value.kind}")
         return self._sql(value)
-
-    def _refuse(self, reason: str, about: str | None = None) -> NoReturn:
-        raise self._error(reason, about)
 
     def _error(self, reason: str, about: str | None = None) -> BadQueryError:
         """Say what is wrong, and where: in JSON the way to it, in text where what it is about stands."""
@@ -66,7 +65,7 @@ class _Compiler:
             where = f" (at {''.join(self._path).lstrip('.')})" if self._path else ""
         elif about is not None and (match := re.search(rf"(?<![\w']){re.escape(about)}(?!\w)", self._text)):
             where = f" (at character {match.start() + 1})"
-        return BadQueryError(f"filter: {reason}{where}.", field="filter")
+        return BadQueryError.about("filter", f"{reason}{where}.")
 
     def _parameter(self, value: Any, kind: str) -> str:
         name = f"f{len(self.values)}"
@@ -82,7 +81,7 @@ class _Compiler:
     def _value(self, node: Any) -> Value:
         self._nodes += 1
         if self._nodes > MOST_NODES:
-            self._refuse(f"it has more than {MOST_NODES} parts")
+            raise self._error(f"it has more than {MOST_NODES} parts")
         if isinstance(node, dict):
             return self._of_object(node)
         if node is None:
@@ -97,7 +96,7 @@ class _Compiler:
 
     def _number(self, value: float) -> float:
         if not math.isfinite(value):
-            self._refuse("a number is too large")
+            raise self._error("a number is too large")
         if isinstance(value, float) and value.is_integer() and abs(value) <= EXACT:
             return int(value)
         if isinstance(value, int) and abs(value) > MAX_ID:
@@ -122,9 +121,9 @@ class _Compiler:
     def _property(self, name: Any) -> Value:
         if name in {GEOMETRY, "geom"}:
             return Value("line", self._collection.line)
-        known = self._collection.queryables
+        known = self._collection.properties
         if name not in known:
-            self._refuse(
+            raise self._error(
                 f"there is no property {name!r}. There are: {', '.join([*known, GEOMETRY])}", str(name)
             )
         return Value(known[name].kind, known[name].sql)
@@ -135,39 +134,43 @@ class _Compiler:
                 raise ValueError(f"{text!r} is no {word}")
             return Value("time", literal=text, sql=self._parameter(moment(text), "time"))
         except (ValueError, OverflowError) as error:
-            self._refuse(str(error), str(text))
+            raise self._error(str(error), str(text)) from error
 
     def _interval(self, ends: Any) -> Value:
         if not (isinstance(ends, list) and len(ends) == 2):
-            self._refuse("an interval has two ends; an open one is '..'")
+            raise self._error("an interval has two ends; an open one is '..'")
         if all(isinstance(end, str) for end in ends):
             try:
                 first, last = interval(*ends)
             except (ValueError, OverflowError) as error:
-                self._refuse(str(error), "INTERVAL")
+                raise self._error(str(error), "INTERVAL") from error
             start, end = first or "-infinity", last or "infinity"
             return Value("span", self._parameter(start, "time"), end=self._parameter(end, "time"))
         start_sql, end_sql = (self._end(end, n) for n, end in enumerate(ends))
         return Value("span", start_sql, end=end_sql)
 
+    def _read_time(self, value: Value) -> Value:
+        """A text that was written where a time stands, as one; anything else as it is."""
+        if value.kind != "string" or not value.is_literal:
+            return value
+        return self._time("timestamp" if "T" in value.literal.upper() else "date", value.literal)
+
     def _end(self, end: Any, n: int) -> str:
         if end == "..":
             return self._parameter(("-infinity", "infinity")[n], "time")
-        value = self._value(end)
-        if value.kind == "string" and value.is_literal:
-            value = self._time("timestamp" if "T" in value.literal.upper() else "date", value.literal)
+        value = self._read_time(self._value(end))
         if value.kind != "time":
-            self._refuse(f"an interval is of times, not of a {value.kind}")
+            raise self._error(f"an interval is of times, not of a {value.kind}")
         return value.sql
 
     def _geometry(self, node: dict[str, Any]) -> Value:
         try:
             wkb = wkb_of(node, self._crs)
         except (ValueError, BadQueryError) as error:
-            self._refuse(
+            raise self._error(
                 f"a geometry cannot be used: {str(error).removeprefix('bbox: ')}",
                 str(node.get("type", "bbox")),
-            )
+            ) from error
         name = f"f{len(self.values)}"
         self.values[name] = wkb
         return Value("line", f"ST_GeomFromWKB(%({name})s, 4326)")
@@ -175,13 +178,13 @@ class _Compiler:
     def _of_operator(self, written: str, args: Any) -> Value:
         op = written.lower()
         if not isinstance(args, list):
-            self._refuse(f"the arguments of {written} must be a list")
+            raise self._error(f"the arguments of {written} must be a list")
         if op in {"and", "or"}:
             return self._bounded(self._junction(op, args))
         for names, count, reader in self._readers():
             if op in names:
                 if len(args) not in count:
-                    self._refuse(
+                    raise self._error(
                         f"{written} takes {' or '.join(map(str, count))} arguments, not {len(args)}", written
                     )
                 return self._bounded(reader(op, args))
@@ -191,20 +194,20 @@ class _Compiler:
 
     def _bounded(self, value: Value) -> Value:
         if len(value.sql) + len(value.end) > MOST_SQL_CHARACTERS:
-            self._refuse(f"it becomes more than {MOST_SQL_CHARACTERS} characters of SQL")
+            raise self._error(f"it becomes more than {MOST_SQL_CHARACTERS} characters of SQL")
         return value
 
     def _readers(self) -> list[tuple[Any, tuple[int, ...], Callable[[str, list[Any]], Value]]]:
         return [
             (COMPARED, (2,), self._comparison),
+            ({"between"}, (3,), self._comparison),
             ({"not"}, (1,), self._negation),
             ({"isnull"}, (1,), self._unknown),
-            ({"between"}, (3,), self._between),
             ({"in"}, (2,), self._in),
             ({"like"}, (2,), self._like),
             (ARITHMETIC, (2,), self._computation),
             (OF_TEXTS, (1,), self._of_text),
-            ({*SPATIAL, "s_disjoint"}, (2,), self._place),
+            (SPATIAL, (2,), self._place),
             (TEMPORAL, (2,), self._moments),
         ]
 
@@ -213,7 +216,7 @@ class _Compiler:
 
     def _junction(self, op: str, args: list[Any]) -> Value:
         if len(args) < 2:
-            self._refuse(f"{op.upper()} takes two conditions or more")
+            raise self._error(f"{op.upper()} takes two conditions or more")
         parts = [self._at(f".args[{n}]", arg, self.condition) for n, arg in enumerate(args)]
         return Value("boolean", "(" + f" {op.upper()} ".join(parts) + ")")
 
@@ -225,16 +228,12 @@ class _Compiler:
         return Value("boolean", f"({self._sql(value)} IS NULL)")
 
     def _comparison(self, op: str, args: list[Any]) -> Value:
-        left, right = self._alike(op, self._arguments(args))
-        return Value("boolean", f"({left} {COMPARED[op]} {right})")
-
-    def _between(self, op: str, args: list[Any]) -> Value:
-        value, low, high = self._alike(op, self._arguments(args))
-        return Value("boolean", f"({value} BETWEEN {low} AND {high})")
+        template = COMPARED.get(op, "({0} BETWEEN {1} AND {2})")
+        return Value("boolean", template.format(*self._alike(op, self._arguments(args))))
 
     def _in(self, op: str, args: list[Any]) -> Value:
         if not (isinstance(args[1], list) and 0 < len(args[1]) <= MOST_LISTED):
-            self._refuse(f"IN takes a list of 1 to {MOST_LISTED} values", "IN")
+            raise self._error(f"IN takes a list of 1 to {MOST_LISTED} values", "IN")
         listed = [self._at(f".args[1][{n}]", one, self._value) for n, one in enumerate(args[1])]
         value, *among = self._alike(op, [*self._arguments(args[:1]), *listed])
         # IN would compare one by one with what is no constant, and copy the value for each.
@@ -243,15 +242,15 @@ class _Compiler:
     def _like(self, op: str, args: list[Any]) -> Value:
         value, pattern = self._arguments(args)
         if {value.kind, pattern.kind} != {"string"}:
-            self._refuse("LIKE compares texts", "LIKE")
+            raise self._error("LIKE compares texts", "LIKE")
         if pattern.is_literal and ends_in_escape(pattern.literal):
-            self._refuse("a pattern must not end in a lone backslash", "LIKE")
+            raise self._error("a pattern must not end in a lone backslash", "LIKE")
         return Value("boolean", f"({self._sql(value)} LIKE {self._sql(pattern)})")
 
     def _computation(self, op: str, args: list[Any]) -> Value:
         values = self._arguments(args)
         if not {value.kind for value in values} <= NUMBERS:
-            self._refuse(f"{op} computes with numbers")
+            raise self._error(f"{op} computes with numbers")
         a, b = (
             self._parameter(float(v.literal), "number") if v.is_literal else f"CAST({v.sql} AS float8)"
             for v in values
@@ -261,18 +260,18 @@ class _Compiler:
     def _of_text(self, op: str, args: list[Any]) -> Value:
         (value,) = self._arguments(args)
         if value.kind != "string":
-            self._refuse(f"{op.upper()} takes a text, not a {value.kind}")
+            raise self._error(f"{op.upper()} takes a text, not a {value.kind}")
         if value.is_literal and ends_in_escape(value.literal):
-            self._refuse("a text must not end in a lone backslash here")
+            raise self._error("a text must not end in a lone backslash here")
         return Value("string", OF_TEXTS[op].format(a=self._sql(value)))
 
     def _place(self, op: str, args: list[Any]) -> Value:
         first, second = self._arguments(args)
         if {first.kind, second.kind} != {"line"}:
-            self._refuse(f"{op.upper()} compares geometries: {GEOMETRY}, or one such as POINT(8.4 49.0)", op)
-        if op == "s_disjoint":
-            return Value("boolean", f"(NOT ST_Intersects({first.sql}, {second.sql}))")
-        return Value("boolean", f"{SPATIAL[op]}({first.sql}, {second.sql})")
+            raise self._error(
+                f"{op.upper()} compares geometries: {GEOMETRY}, or one such as POINT(8.4 49.0)", op
+            )
+        return Value("boolean", SPATIAL[op].format(a=first.sql, b=second.sql))
 
     def _moments(self, op: str, args: list[Any]) -> Value:
         (a0, a1), (b0, b1) = (self._ends(op, value) for value in self._arguments(args))
@@ -282,10 +281,11 @@ class _Compiler:
         """Beginning and end of a time, as SQL: a date is a day, a timestamp what its digits leave open."""
         if value.kind == "span":
             return value.sql, value.end
-        if value.kind == "string" and value.is_literal:
-            value = self._time("timestamp" if "T" in value.literal.upper() else "date", value.literal)
+        value = self._read_time(value)
         if value.kind != "time":
-            self._refuse(f"{op.upper()} compares times: updated_at, or one such as DATE('2026-11-20')", op)
+            raise self._error(
+                f"{op.upper()} compares times: updated_at, or one such as DATE('2026-11-20')", op
+            )
         if not value.is_literal:
             return value.sql, value.sql
         first, last = span(value.literal)
@@ -295,7 +295,7 @@ class _Compiler:
         """The SQL of values that are compared with each other, of one kind."""
         kinds = {value.kind for value in values}
         if "null" in kinds:
-            self._refuse("nothing equals the unknown: write IS NULL", "NULL")
+            raise self._error("nothing equals the unknown: write IS NULL", "NULL")
         if kinds == {"time", "string"}:
             values = [self._time_of(value) for value in values]
             kinds = {"time"}
@@ -306,7 +306,7 @@ class _Compiler:
             or kinds & {"line", "span"}
             or (kinds == {"boolean"} and op not in {"=", "<>", "in"})
         ):
-            self._refuse(
+            raise self._error(
                 f"{op.upper()} cannot compare {' with '.join(describe(value) for value in values[:2])}"
             )
         return [self._sql(value) for value in values]
@@ -315,7 +315,7 @@ class _Compiler:
         if value.kind == "time":
             return value
         if not value.is_literal:
-            self._refuse("a time cannot be compared with a text")
+            raise self._error("a time cannot be compared with a text")
         return self._time("timestamp" if ":" in value.literal else "date", value.literal)
 
     def _sql(self, value: Value, *, whole: bool = False) -> str:
@@ -323,7 +323,7 @@ class _Compiler:
             return value.sql or "NULL"
         if value.kind == "number":
             if isinstance(value.literal, float) and value.literal.is_integer() and whole:
-                self._refuse(
+                raise self._error(
                     f"{value.literal:.0f} would not be compared exactly; whole numbers go up to {EXACT}, in {JSON} up "
                     f"to {MAX_ID}"
                 )

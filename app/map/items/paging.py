@@ -14,24 +14,17 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from app.core.errors import BadQueryError
 from app.core.text import dumps
 from app.map.items.collections import Collection, Property
 from app.map.items.places import Condition
+from app.map.segment import SQL_TYPES
 
 MAX_ID = 2**63 - 1
 MOST_KEYS = 4
-SQL_TYPES = {
-    "integer": "bigint",
-    "number": "float8",
-    "string": "text",
-    "boolean": "boolean",
-    "time": "timestamptz",
-}
-"""What filters and cursors compare with, by ``Property.kind``."""
 _VERSION = 1
 _LONGEST = 4000
 _DIGEST_BYTES = 9
@@ -43,6 +36,16 @@ class SortKey:
 
     property: Property
     descending: bool = False
+
+    def order(self) -> str:
+        """As it stands after ORDER BY."""
+        direction = " DESC" if self.descending else ""
+        last = " NULLS LAST" if self.property.nullable and self.descending else ""
+        return f"{self.property.sql}{direction}{last}"
+
+    def value(self, n: int) -> str:
+        """What it is compared with: the value number ``n`` of a place."""
+        return f"CAST(%(k{n})s AS {SQL_TYPES[self.property.kind]})"
 
 
 Values = tuple[str | None, ...]
@@ -98,88 +101,65 @@ class Order:
         sorted_by = self._terms(known)
         parts = []
         if known is not None:
-            parts.append(f"{sorted_by[0].sql} IS {'NOT ' if known else ''}NULL")
+            parts.append(f"{sorted_by[0].property.sql} IS {'NOT ' if known else ''}NULL")
         if known is False:
             sorted_by = sorted_by[1:]
             after = None if after is None else after[1:]
-        elif sorted_by[0].nullable:
-            sorted_by = [
-                _Term(sorted_by[0].sql, sorted_by[0].kind, sorted_by[0].descending, False),
-                *sorted_by[1:],
-            ]
+        else:
+            leading = replace(sorted_by[0].property, nullable=False)
+            sorted_by = [SortKey(leading, sorted_by[0].descending), *sorted_by[1:]]
         values: dict[str, Any] = {}
         if after is not None:
             values = {f"k{n}": value for n, value in enumerate(after)}
             parts.append(_after(sorted_by, after))
-        order = ", ".join(term.order for term in sorted_by)
+        order = ", ".join(term.order() for term in sorted_by)
         return Leg(Condition(" AND ".join(parts) or "true", values), order)
 
-    def _terms(self, known: bool | None) -> list[_Term]:
-        terms = [
-            _Term(key.property.sql, key.property.kind, key.descending, key.property.nullable)
-            for key in self.keys
-        ]
+    def _terms(self, known: bool | None) -> list[SortKey]:
         # The id out of the same table as the key lets one index give the order, where the table has a row at all.
-        table = terms[0].sql.partition(".")[0] if len(terms) == 1 and known else ""
+        table = self.keys[0].property.sql.partition(".")[0] if len(self.keys) == 1 and known else ""
         id_sql = self._collection.keys.get(table, self._collection.key)
-        return [*terms, _Term(id_sql, "integer", self._id_descending, False)]
+        id_property = replace(self._collection.properties["id"], sql=id_sql)
+        return [*self.keys, SortKey(id_property, self._id_descending)]
 
 
-@dataclass(frozen=True)
-class _Term:
-    """One expression that is sorted by."""
-
-    sql: str
-    kind: str
-    descending: bool
-    nullable: bool
-
-    @property
-    def order(self) -> str:
-        direction = " DESC" if self.descending else ""
-        return f"{self.sql}{direction}{' NULLS LAST' if self.nullable and self.descending else ''}"
-
-    def value(self, n: int) -> str:
-        return f"CAST(%(k{n})s AS {SQL_TYPES[self.kind]})"
-
-
-def _after(terms: Sequence[_Term], after: Values) -> str:
+def _after(terms: Sequence[SortKey], after: Values) -> str:
     """The condition of items that come after those values."""
-    if len({term.descending for term in terms}) == 1 and not any(term.nullable for term in terms):
+    if len({term.descending for term in terms}) == 1 and not any(term.property.nullable for term in terms):
         # A comparison of rows is one range of an index.
-        left, right = ", ".join(t.sql for t in terms), ", ".join(t.value(n) for n, t in enumerate(terms))
+        left = ", ".join(term.property.sql for term in terms)
+        right = ", ".join(term.value(n) for n, term in enumerate(terms))
         return f"({left}) {'<' if terms[0].descending else '>'} ({right})"
     ways, equal = [], []
     for n, (term, value) in enumerate(zip(terms, after, strict=True)):
+        sql, nullable = term.property.sql, term.property.nullable
         if value is None:
-            equal.append(f"{term.sql} IS NULL")
+            equal.append(f"{sql} IS NULL")
             continue
-        beyond = f"{term.sql} {'<' if term.descending else '>'} {term.value(n)}"
-        ways.append(" AND ".join([*equal, f"({beyond} OR {term.sql} IS NULL)" if term.nullable else beyond]))
-        equal.append(f"{term.sql} = {term.value(n)}")
+        beyond = f"{sql} {'<' if term.descending else '>'} {term.value(n)}"
+        ways.append(" AND ".join([*equal, f"({beyond} OR {sql} IS NULL)" if nullable else beyond]))
+        equal.append(f"{sql} = {term.value(n)}")
     first = terms[0]
-    bound = (
-        "" if first.nullable else f"{first.sql} {'<=' if first.descending else '>='} {first.value(0)} AND "
-    )
-    return bound + "(" + " OR ".join(f"({way})" for way in ways) + ")"
+    either = "(" + " OR ".join(f"({way})" for way in ways) + ")"
+    if first.property.nullable:
+        return either
+    return f"{first.property.sql} {'<=' if first.descending else '>='} {first.value(0)} AND {either}"
 
 
 def parse_sortby(text: str, collection: Collection) -> list[SortKey]:
     """The keys of ``sortby=+name,-name``; ``BadQueryError`` for what cannot be sorted by."""
     keys: list[SortKey] = []
-    known = collection.sortables
+    known = collection.properties
     for part in text.split(","):
         # A plus sign in an address means a space.
         sign, name = (part[:1], part[1:]) if part[:1] in {"+", "-", " "} else ("+", part)
         if name not in known:
-            raise BadQueryError(
-                f"sortby: {name!r} cannot be sorted by. One of: {', '.join(known)}.", field="sortby"
-            )
+            raise BadQueryError.about("sortby", f"{name!r} cannot be sorted by. One of: {', '.join(known)}.")
         if any(key.property.name == name for key in keys):
-            raise BadQueryError(f"sortby: {name} is there twice.", field="sortby")
+            raise BadQueryError.about("sortby", f"{name} is there twice.")
         keys.append(SortKey(known[name], sign == "-"))
     if len(keys) > MOST_KEYS:
-        raise BadQueryError(f"sortby: at most {MOST_KEYS} properties.", field="sortby")
+        raise BadQueryError.about("sortby", f"at most {MOST_KEYS} properties.")
     return keys
 
 
@@ -250,7 +230,6 @@ _WRITTEN = {
 
 
 def _bad_after(reason: str) -> BadQueryError:
-    return BadQueryError(
-        f"after: {reason}. Follow the next link of the query as it is, or begin again without after.",
-        field="after",
+    return BadQueryError.about(
+        "after", f"{reason}. Follow the next link of the query as it is, or begin again without after."
     )

@@ -1,15 +1,20 @@
-"""Places in requests: reference systems, boxes, and the geometries of filters, as conditions on a line in degrees."""
+"""Places and times in requests: reference systems, boxes, geometries of filters, as conditions on a line in degrees;
+``datetime`` of OGC API Features, and what CQL2 writes as dates, timestamps and intervals.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from app.core.db import Bounds
 from app.core.errors import BadQueryError
 from app.core.query import bbox_numbers, box_of
+from app.map.segment import CRS84 as CRS84_URI
 
 RADIUS_M = 6_378_137.0
 EDGE_M = math.pi * RADIUS_M
@@ -39,7 +44,7 @@ class Crs:
         return max(-180.0, min(180.0, lon)), math.degrees(math.atan(math.sinh(y / RADIUS_M)))
 
 
-CRS84 = Crs("http://www.opengis.net/def/crs/OGC/1.3/CRS84", 4326, 7)
+CRS84 = Crs(CRS84_URI, 4326, 7)
 EPSG4326 = Crs("http://www.opengis.net/def/crs/EPSG/0/4326", 4326, 7, latitude_first=True)
 EPSG3857 = Crs("http://www.opengis.net/def/crs/EPSG/0/3857", 3857, 3)
 CRSS: Mapping[str, Crs] = {one.uri: one for one in (CRS84, EPSG4326, EPSG3857)}
@@ -57,8 +62,8 @@ class Condition:
 def parse_crs(text: str, field: str) -> Crs:
     """The system of this address; ``BadQueryError`` that lists them all for any other."""
     if text not in CRSS:
-        raise BadQueryError(
-            f"{field}: there is no reference system {text!r} here. There are: {', '.join(CRSS)}.", field=field
+        raise BadQueryError.about(
+            field, f"there is no reference system {text!r} here. There are: {', '.join(CRSS)}."
         )
     return CRSS[text]
 
@@ -73,7 +78,7 @@ def parse_box(text: str, crs: Crs) -> Bounds:
         west, south = crs.to_degrees(x0, y0)
         east, north = crs.to_degrees(x1, y1)
     except ValueError as error:
-        raise BadQueryError(f"bbox: {error}.", field="bbox") from None
+        raise BadQueryError.about("bbox", f"{error}.") from None
     return box_of(west, south, east, north)
 
 
@@ -135,3 +140,62 @@ def _boxes(numbers: Any, crs: Crs) -> Any:
     if west <= east:
         return box(west, south, east, north)
     return MultiPolygon([box(west, south, 180.0, north), box(-180.0, south, east, north)])
+
+
+OPEN = ".."
+Span = tuple[datetime | None, datetime | None]
+"""First and last moment, both included; None: open."""
+
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2}", re.ASCII)
+_TIME = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:\d{2}:\d{2}(\.\d{1,9})?(Z|[+-]\d{2}:\d{2})", re.ASCII)
+_MICROSECOND = timedelta(microseconds=1)
+_SECONDS = re.compile(r":\d{2}:\d{2}\.(\d{4,})")
+
+
+def moment(text: str) -> datetime:
+    """The moment of a time of RFC 3339, or the first of a date in UTC; ``ValueError`` for anything else."""
+    upper = text.strip().upper()
+    if _DATE.fullmatch(upper):
+        return datetime.fromisoformat(upper).replace(tzinfo=UTC)
+    if not _TIME.fullmatch(upper):
+        raise ValueError(f"{text!r} is no time; write 2026-11-20T09:13:02Z or 2026-11-20")
+    try:
+        return datetime.fromisoformat(upper).astimezone(UTC)
+    except (ValueError, OverflowError):
+        raise ValueError(f"{text!r}: there is no such day or hour") from None
+
+
+def span(text: str) -> Span:
+    """First and last moment of a time as it is written: a date is a day, a time what its digits leave open.
+
+    Times are served in milliseconds and kept in microseconds, so that a time that was read here means the millisecond.
+    """
+    first = moment(text)
+    if _DATE.fullmatch(text.strip()):
+        return first, first + timedelta(days=1) - _MICROSECOND
+    finest = _MICROSECOND if _SECONDS.search(text) else timedelta(milliseconds=1)
+    return first, first + finest - _MICROSECOND
+
+
+def interval(first: str, last: str) -> Span:
+    """From one time to another, each of which may be ``..`` or nothing; ``ValueError`` if it ends before it begins."""
+    start = None if first in {"", OPEN} else span(first)[0]
+    end = None if last in {"", OPEN} else span(last)[1]
+    if start is not None and end is not None and end < start:
+        raise ValueError(f"{first}/{last} ends before it begins")
+    return start, end
+
+
+def parse_datetime(text: str) -> Span:
+    """What ``datetime`` asks for; ``BadQueryError`` for what is neither time nor interval."""
+    try:
+        parts = text.split("/")
+        if len(parts) > 2:
+            raise ValueError("it has more than two ends")
+        if len(parts) == 2 and all(part in {"", OPEN} for part in parts):
+            raise ValueError("one end must be said")
+        return span(text) if len(parts) == 1 else interval(*parts)
+    except (ValueError, OverflowError) as error:
+        raise BadQueryError.about(
+            "datetime", f"{error}. Write 2026-11-20T00:00:00Z, or an interval: 2026-11-20/.."
+        ) from None

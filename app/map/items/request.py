@@ -16,9 +16,19 @@ from app.core.settings import Settings
 from app.map.items.collections import GEOMETRY, Collection, Property
 from app.map.items.cql import LANGUAGES, NO_TEXT, TEXT
 from app.map.items.filters import filter_condition
-from app.map.items.paging import MAX_ID, SQL_TYPES, Order, Values, digest_of, parse_after, parse_sortby
-from app.map.items.places import CRS84, Condition, Crs, in_box, parse_box, parse_crs
-from app.map.items.times import moment, parse_datetime, span
+from app.map.items.paging import MAX_ID, Order, Values, digest_of, parse_after, parse_sortby
+from app.map.items.places import (
+    CRS84,
+    Condition,
+    Crs,
+    in_box,
+    moment,
+    parse_box,
+    parse_crs,
+    parse_datetime,
+    span,
+)
+from app.map.segment import SQL_TYPES
 
 SHOWN = ("crs", "properties", "skipGeometry", "f")
 """What says how features are shown, not which."""
@@ -92,7 +102,7 @@ def item_parameters(collection: Collection) -> tuple[str, ...]:
         *(("gaps",) if collection.source_with_gaps else ()),
         *(("updated_since",) if collection.follows_changes else ()),
     )
-    return (*_PLAIN, *more, *SHOWN, *collection.queryables)
+    return (*_PLAIN, *more, *SHOWN, *collection.properties)
 
 
 def parse_items(collection: Collection, params: Iterable[tuple[str, str]], settings: Settings) -> ItemRequest:
@@ -142,13 +152,11 @@ def _sorted_out(
         if name not in names:
             raise BadQueryError(f"There is no parameter {name!r}. There are: {', '.join(names)}.", field=name)
         if forbidden := NO_TEXT.search(text):
-            raise BadQueryError(
-                f"{name}: character {forbidden.start() + 1} cannot be part of a text.", field=name
-            )
-        if name in collection.queryables:
+            raise BadQueryError.about(name, f"character {forbidden.start() + 1} cannot be part of a text.")
+        if name in collection.properties:
             many.setdefault(name, []).append(text)
         elif name in one:
-            raise BadQueryError(f"{name}: it is there twice.", field=name)
+            raise BadQueryError.about(name, "it is there twice.")
         else:
             one[name] = text
     return one, many
@@ -183,9 +191,8 @@ def _between(sql: str, name: str, first: datetime | None, last: datetime | None)
 def _filter(collection: Collection, one: Mapping[str, str]) -> Condition:
     language = one.get("filter-lang", TEXT)
     if language not in LANGUAGES:
-        raise BadQueryError(
-            f"filter-lang: there is no language {language!r}. There are: {', '.join(LANGUAGES)}.",
-            field="filter-lang",
+        raise BadQueryError.about(
+            "filter-lang", f"there is no language {language!r}. There are: {', '.join(LANGUAGES)}."
         )
     crs = parse_crs(one["filter-crs"], "filter-crs") if "filter-crs" in one else CRS84
     return filter_condition(one["filter"], language, crs, collection)
@@ -195,13 +202,13 @@ def _compared(one: Property, texts: Iterable[str]) -> Condition:
     """``name=a,b``: the features whose property is any of these."""
     listed = [part for text in texts for part in text.split(",")]
     if len(listed) > _MOST_VALUES:
-        raise BadQueryError(f"{one.name}: at most {_MOST_VALUES} values.", field=one.name)
+        raise BadQueryError.about(one.name, f"at most {_MOST_VALUES} values.")
     name = f"p_{one.name}"
     if one.kind == "time":
         try:
             spans = [span(text) for text in listed]
         except (ValueError, OverflowError) as error:
-            raise BadQueryError(f"{one.name}: {error}.", field=one.name) from None
+            raise BadQueryError.about(one.name, f"{error}.") from None
         some = [_between(one.sql, f"{name}_{n}_", *ends) for n, ends in enumerate(spans)]
         values = {key: value for condition in some for key, value in condition.values.items()}
         return Condition("(" + " OR ".join(condition.sql for condition in some) + ")", values)
@@ -210,9 +217,7 @@ def _compared(one: Property, texts: Iterable[str]) -> Condition:
         texts = dict.fromkeys([*listed, *texts]) if one.kind == "string" else listed
         read = [_READERS[one.kind](text) for text in texts]
     except ValueError:
-        raise BadQueryError(
-            f"{one.name}: {_WANTED[one.kind]}, or several with commas.", field=one.name
-        ) from None
+        raise BadQueryError.about(one.name, f"{_WANTED[one.kind]}, or several with commas.") from None
     if one.digits is not None:
         return _as_shown(one, name, read)
     return Condition(f"{one.sql} = ANY(CAST(%({name})s AS {SQL_TYPES[one.kind]}[]))", {name: read})
@@ -266,7 +271,7 @@ def _truth(text: str, field: str) -> bool:
     try:
         return _bool(text)
     except ValueError:
-        raise BadQueryError(f"{field}: it must be true or false.", field=field) from None
+        raise BadQueryError.about(field, "it must be true or false.") from None
 
 
 def _limit(one: Mapping[str, str], settings: Settings) -> int:
@@ -274,9 +279,9 @@ def _limit(one: Mapping[str, str], settings: Settings) -> int:
         return settings.items_limit_default
     text = one["limit"]
     if not (text.isascii() and text.isdigit()) or not text.strip("0"):
-        raise BadQueryError(
-            f"limit: it must be a whole number from 1; more than {settings.items_limit_max} is reduced to that.",
-            field="limit",
+        raise BadQueryError.about(
+            "limit",
+            f"it must be a whole number from 1; more than {settings.items_limit_max} is reduced to that.",
         )
     return settings.items_limit_max if len(text) > 18 else min(int(text), settings.items_limit_max)
 
@@ -296,9 +301,9 @@ def _names(collection: Collection, text: str) -> tuple[str, ...]:
     """Some of the properties, in the collection's order; nothing: none of them."""
     names = set(text.split(",")) - {"", GEOMETRY}
     if unknown := sorted(names - set(collection.properties)):
-        raise BadQueryError(
-            f"properties: there is no property {unknown[0]!r}. There are: {', '.join(collection.properties)}.",
-            field="properties",
+        raise BadQueryError.about(
+            "properties",
+            f"there is no property {unknown[0]!r}. There are: {', '.join(collection.properties)}.",
         )
     return tuple(name for name in collection.properties if name in names)
 

@@ -1,11 +1,14 @@
-"""Pages of items and single items of each collection. The engine makes the text of features; here is what is around."""
+"""Pages of items and single items of each collection, and their parameters as the API's document describes them.
+
+The engine makes the text of features; here is what is around.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
@@ -13,18 +16,115 @@ from fastapi import APIRouter, Path, Request, Response
 from sqlalchemy.orm import Session
 
 from app.core.http import BaseUrl, Link, Service, ServiceDep, existing, link, link_documents
+from app.core.settings import Settings
 from app.core.text import GEO_JSON, dumps, utc_text
-from app.map.attribution import attribution
 from app.map.coverage import dem_names, dem_names_at
 from app.map.items import store
-from app.map.items.collections import COLLECTIONS, Collection
-from app.map.items.negotiation import AS_GEOJSON, AS_HTML, HTML, Wanted, answered, wanted, with_pairs
-from app.map.items.pages import described, page, page_headers
-from app.map.items.parameters import item_parameters_of_one, items_parameters
-from app.map.items.places import Crs
-from app.map.items.request import ItemRequest, parse_item, parse_items
-from app.map.segment import HEIGHT_DATUM
+from app.map.items.collection_routes import collection_crumbs, property_schema
+from app.map.items.collections import COLLECTIONS, Collection, Property
+from app.map.items.cql import LANGUAGES, TEXT
+from app.map.items.pages import (
+    AS_GEOJSON,
+    AS_HTML,
+    Wanted,
+    answered,
+    described,
+    page_answer,
+    wanted,
+    with_pairs,
+)
+from app.map.items.places import CRS84, CRSS, Crs
+from app.map.items.request import ItemRequest, item_parameters, parse_item, parse_items
+from app.map.segment import HEIGHT_DATUM, attribution
 from app.map.segments import EXAMPLE_ADDRESS, FEATURE_EXAMPLE, MAX_ID
+
+Json = dict[str, Any]
+
+_TEXT = {"type": "string"}
+_TRUTH = {"type": "boolean"}
+_CRS = {"type": "string", "format": "uri", "enum": list(CRSS), "default": CRS84.uri}
+_LIMIT = "limit"
+
+_DESCRIBED: Mapping[str, tuple[Json, str]] = {
+    "bbox": (
+        {"type": "array", "items": {"type": "number"}, "minItems": 4, "maxItems": 6},
+        "west,south,east,north in degrees; west > east crosses the antimeridian. Of six numbers the third and the "
+        "last, heights, are left out.",
+    ),
+    "bbox-crs": (_CRS, "The reference system of `bbox`."),
+    _LIMIT: ({"type": "integer", "minimum": 1}, "Items per page; a larger number is reduced to the maximum."),
+    "datetime": (
+        _TEXT,
+        "A time of RFC 3339, or an interval such as 2026-11-20T00:00:00Z/..: what was published of the item changed "
+        "last then (`updated_at`), or nothing is known of it: with `driven=true` only what was driven comes.",
+    ),
+    "driven": (_TRUTH, "Only items that were (true) or were not (false) driven."),
+    "filter": (_TEXT, "A condition in CQL2, as in `slope_percent > 8 AND highway = 'residential'`."),
+    "filter-lang": (
+        {"type": "string", "enum": list(LANGUAGES), "default": TEXT},
+        "The language of `filter`.",
+    ),
+    "filter-crs": (_CRS, "The reference system of geometries in `filter`."),
+    "sortby": (
+        _TEXT,
+        "Properties with commas, each with a minus for descending order: `-slope_percent`. The unknown comes last.",
+    ),
+    "after": (_TEXT, "Where the page begins; only `next` links know what to write here."),
+    "gaps": (_TRUTH, "With true, undriven segments between driven ones come with the slope that follows."),
+    "updated_since": (
+        _TEXT,
+        "Only what changed since a time, or since a `version` that an earlier answer to such a request told.",
+    ),
+    "crs": (_CRS, "The reference system of the answer."),
+    "properties": (
+        {"type": "array", "items": {"type": "string"}},
+        "Names of the properties to show, with commas; none: all.",
+    ),
+    "skipGeometry": (_TRUTH, "With true, items come without their line."),
+    "f": (
+        {"type": "string", "enum": ["geojson", "json", "html"]},
+        "The form of the answer, where the Accept header cannot say it.",
+    ),
+}
+_LISTS = {"style": "form", "explode": False}
+_OF_ONE = ("crs", "properties", "skipGeometry", "gaps", "f")
+
+
+def items_parameters(collection: Collection) -> list[Json]:
+    """Of a page of a collection's items."""
+    return [_parameter(collection, name) for name in item_parameters(collection)]
+
+
+def item_parameters_of_one(collection: Collection) -> list[Json]:
+    """Of one item."""
+    known = item_parameters(collection)
+    return [_parameter(collection, name) for name in _OF_ONE if name in known]
+
+
+def tell_limits(document: Json, settings: Settings) -> None:
+    """Write the sizes of pages into the API's document, which only the settings know."""
+    sizes = {"default": settings.items_limit_default, "maximum": settings.items_limit_max}
+    for path, item in document["paths"].items():
+        if path.startswith("/collections/") and path.endswith("/items"):
+            for parameter in item["get"]["parameters"]:
+                if parameter["name"] == _LIMIT:
+                    parameter["schema"] = {**parameter["schema"], **sizes}
+
+
+def _parameter(collection: Collection, name: str) -> Json:
+    if name not in _DESCRIBED:
+        return _comparison(collection.properties[name])
+    schema, text = _DESCRIBED[name]
+    lists = _LISTS if schema["type"] == "array" else {}
+    return {"name": name, "in": "query", "required": False, "description": text, "schema": schema, **lists}
+
+
+def _comparison(one: Property) -> Json:
+    known = property_schema(one)
+    text = f"{known.pop('title')}: {known.pop('description')} Several values with commas: any of them."
+    schema = {name: value for name, value in known.items() if not name.startswith("x-")}
+    return {"name": one.name, "in": "query", "required": False, "description": text, "schema": schema}
+
 
 ITEMS_EXAMPLE: dict[str, Any] = {
     "type": "FeatureCollection",
@@ -71,9 +171,20 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
         **({} if shown.version is None else {"version": shown.version}),
         "links": link_documents(links),
     }
-    if form.html:
-        return _items_page(request, base, item_request, document, shown.features, links)
-    return _items_text(request, form, item_request.shape.crs, document, shown.features, links)
+    if not form.html:
+        return _items_text(request, form, item_request.shape.crs, document, shown.features, links)
+    return page_answer(
+        request,
+        "items.html",
+        f"{collection.title}: items",
+        collection_crumbs(base, collection),
+        links,
+        document=document,
+        features=[json.loads(text) for text in shown.features],
+        properties=[collection.properties[name] for name in item_request.shape.properties if name != "id"],
+        address=here,
+        first=with_pairs(here, item_request.query(after=None)) if item_request.after else None,
+    )
 
 
 def item_answer(
@@ -93,16 +204,16 @@ def item_answer(
     if not form.html:
         body = f'{text[:-1]},"links":{dumps(link_documents(links))}}}'
         return answered(request, body, form.media_type, links=links, headers=_content_crs(shape.crs))
-    shown = page(
+    return page_answer(
+        request,
         "item.html",
-        title=f"{collection.title}: {item_id}",
-        crumbs=[*_crumbs(base, collection), ("Items", f"{up}/items")],
-        links=links,
+        f"{collection.title}: {item_id}",
+        [*collection_crumbs(base, collection), ("Items", f"{up}/items")],
+        links,
         document=json.loads(text),
         properties=[collection.properties[name] for name in shape.properties],
         attribution=attribution(),
     )
-    return answered(request, shown, HTML, links=links, headers=page_headers())
 
 
 def _items_text(
@@ -126,36 +237,6 @@ def _items_text(
         headers=_content_crs(crs),
         etag=f'W/"{tag.hexdigest()}"',
     )
-
-
-def _items_page(
-    request: Request,
-    base: str,
-    item_request: ItemRequest,
-    document: dict[str, Any],
-    features: Iterable[str],
-    links: Sequence[Link],
-) -> Response:
-    """The page as a table."""
-    collection = item_request.collection
-    here = f"{base}/collections/{collection.id}/items"
-    shown = page(
-        "items.html",
-        title=f"{collection.title}: items",
-        crumbs=_crumbs(base, collection),
-        links=links,
-        document=document,
-        features=[json.loads(text) for text in features],
-        properties=[collection.properties[name] for name in item_request.shape.properties if name != "id"],
-        address=here,
-        first=with_pairs(here, item_request.query(after=None)) if item_request.after else None,
-    )
-    return answered(request, shown, HTML, links=links, headers=page_headers())
-
-
-def _crumbs(base: str, collection: Collection) -> list[tuple[str, str]]:
-    here = f"{base}/collections"
-    return [("Versant", f"{base}/"), ("Collections", here), (collection.title, f"{here}/{collection.id}")]
 
 
 def _content_crs(crs: Crs) -> dict[str, str]:

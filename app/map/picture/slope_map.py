@@ -82,6 +82,9 @@ class MapSegments:
         return replace(self, **{spec.name: getattr(self, spec.name)[meets] for spec in fields(self)})
 
 
+_OF_ROADS = ("lon0_deg", "lat0_deg", "lon1_deg", "lat1_deg", "bridge", "tunnel", "name")
+
+
 def picture_format(path: Path) -> str:
     """png, pdf or svg, as the suffix says; raises ``UnknownNameError`` that lists them for any other."""
     suffix = path.suffix.lower()
@@ -92,24 +95,13 @@ def picture_format(path: Path) -> str:
 
 def map_segments(roads: RoadTable, segments: Iterable[Segment]) -> MapSegments:
     """The roads with the slopes of those of the segments that are among them."""
-    known = {(s.osm_way_id, s.from_node, s.to_node): s for s in segments}
-    slope, sigma = np.full(len(roads), np.nan), np.full(len(roads), np.nan)
+    known = {(s.osm_way_id, s.from_node, s.to_node): s for s in segments if s.slope_percent is not None}
     keys = zip(roads.osm_way_id.tolist(), roads.from_node.tolist(), roads.to_node.tolist(), strict=True)
-    for row, key in enumerate(keys):
-        segment = known.get(key)
-        if segment is not None and segment.slope_percent is not None:
-            slope[row] = segment.slope_percent
-            sigma[row] = np.nan if segment.slope_sigma_percent is None else segment.slope_sigma_percent
+    rows = [known.get(key) for key in keys]
     return MapSegments(
-        lon0_deg=roads.lon0_deg,
-        lat0_deg=roads.lat0_deg,
-        lon1_deg=roads.lon1_deg,
-        lat1_deg=roads.lat1_deg,
-        slope_percent=slope,
-        slope_sigma_percent=sigma,
-        bridge=roads.bridge,
-        tunnel=roads.tunnel,
-        name=roads.name,
+        slope_percent=_column(None if s is None else s.slope_percent for s in rows),
+        slope_sigma_percent=_column(None if s is None else s.slope_sigma_percent for s in rows),
+        **{name: getattr(roads, name) for name in _OF_ROADS},
     )
 
 
@@ -118,15 +110,15 @@ def stored_segments(segments: Iterable[Segment]) -> MapSegments:
     rows = list(segments)
     ends = np.array([(*s.coordinates[0], *s.coordinates[-1]) for s in rows], float).reshape(-1, 4)
     return MapSegments(
-        lon0_deg=ends[:, 0],
-        lat0_deg=ends[:, 1],
-        lon1_deg=ends[:, 2],
-        lat1_deg=ends[:, 3],
-        slope_percent=_column(s.slope_percent for s in rows),
-        slope_sigma_percent=_column(s.slope_sigma_percent for s in rows),
-        bridge=np.array([s.bridge for s in rows], np.bool_),
-        tunnel=np.array([s.tunnel for s in rows], np.bool_),
-        name=np.array([s.name for s in rows], np.object_),
+        ends[:, 0],
+        ends[:, 1],
+        ends[:, 2],
+        ends[:, 3],
+        _column(s.slope_percent for s in rows),
+        _column(s.slope_sigma_percent for s in rows),
+        np.array([s.bridge for s in rows], np.bool_),
+        np.array([s.tunnel for s in rows], np.bool_),
+        np.array([s.name for s in rows], np.object_),
     )
 
 

@@ -21,28 +21,26 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from app.core.text import whole_file
-from app.map.attribution import OSM_ATTRIBUTION
 from app.map.picture.key import (
+    ARROW_COLOUR,
     INK,
     MUTED,
     SMALL_PT,
+    STEEPNESS,
     TEXT_PT,
     WIDTH_IN,
     Signs,
     Style,
     colour_rows,
     draw_key,
+    draw_known,
+    draw_unknown,
     from_upper_left,
     height_in,
     rows_of,
-)
-from app.map.picture.roads import (
-    ARROW_COLOUR,
-    STEEPNESS,
-    draw_known,
-    draw_unknown,
     unknown_look,
 )
+from app.map.picture.lettering import is_writable, place_names, points_along, width_pt, wrapped
 from app.map.picture.slope_map import (
     SURE_WIDTH_PT,
     MapError,
@@ -51,8 +49,7 @@ from app.map.picture.slope_map import (
     frame_around,
     picture_format,
 )
-from app.map.picture.street_names import place_names, points_along
-from app.map.picture.text import is_writable, width_pt, wrapped
+from app.map.segment import OSM_ATTRIBUTION
 from fusion.frames import LocalProjection
 from fusion.types import Floats
 
@@ -125,7 +122,8 @@ def slope_figure(
     lines = view.lines
     figure = Figure(dpi=dpi)
     FigureCanvasAgg(figure)
-    scale, style = _colour_scale(view.segments, scale_percent), _style(view)
+    scale, thinner = _colour_scale(view.segments, scale_percent), _thinner(view)
+    style = Style(STEEPNESS, unknown_look(thinner), ARROW_COLOUR, thinner)
     page = _page(view, title, credit, notes)
     signs = _signs(view.segments)
     colours, groups = colour_rows(scale, scale_percent is not None), rows_of(style, signs)
@@ -133,8 +131,8 @@ def slope_figure(
     foot = top + max(page.map_in[1] + SCALE_ROW_IN, height_in(colours, groups))
     figure.set_size_inches(page.width_in, foot + FOOT_ROW_IN * len(page.foot) + 0.6 * EDGE_IN)
     axes = _map_axes(figure, view, page.map_in, top)
-    draw_unknown(axes, lines[~view.segments.known], style.thinner)
-    draw_known(axes, lines, view.segments, scale, style.thinner)
+    draw_unknown(axes, lines[~view.segments.known], thinner)
+    draw_known(axes, lines, view.segments, scale, thinner)
     _draw_names(axes, view)
     _draw_scale(figure, view, page.map_in[0], top + page.map_in[1])
     _write(figure, page.title, EDGE_IN, TITLE_ROW_IN, TITLE_PT, INK)
@@ -192,11 +190,6 @@ def _page(view: _View, title: str, credit: str, notes: Sequence[str]) -> _Page:
     inner = map_in[0] + BETWEEN_IN + WIDTH_IN
     foot = [line for text in (credit, *notes) for line in wrapped(text, SMALL_PT, 72 * inner)]
     return _Page(wrapped(title, TITLE_PT, 72 * inner), foot, map_in, inner + 2 * EDGE_IN)
-
-
-def _style(view: _View) -> Style:
-    thinner = _thinner(view)
-    return Style(STEEPNESS, unknown_look(thinner), ARROW_COLOUR, thinner)
 
 
 def _thinner(view: _View) -> float:

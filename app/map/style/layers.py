@@ -2,7 +2,7 @@
 
 They are data in the language of MapLibre's style specification, version 8. Tiles bring a road's class, its slope, its
 sigma and drives, and of segments the elevation model's slope, bridges and tunnels; everything is said with these.
-Colour is one thing (``app.map.style.shown``); width is the road's class and, where measured slopes are shown, certainty
+Colour is one thing (``app.map.style.scale``); width is the road's class and, where measured slopes are shown, certainty
 too, as on the service's own pictures. Bridges have rims, tunnels are dashed.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 from app.map.picture.slope_map import (
@@ -19,9 +20,8 @@ from app.map.picture.slope_map import (
     UNSURE_SIGMA_PERCENT,
     UNSURE_WIDTH_PT,
 )
-from app.map.style.scale import ColourScale
-from app.map.style.shown import SIGMA, Expression, Shown
-from app.map.style.sprites import UPHILL
+from app.map.style.scale import SIGMA, ColourScale, Expression, Shown
+from app.map.style.signs import UPHILL
 
 SOURCE, LAYER = "slopes", "segments"
 """Name of the tiles in the style, and of their layer of segments; at low zooms it holds merged roads."""
@@ -139,13 +139,8 @@ def _known(kind: str, part: str, colour: Any, shown: Shown) -> dict[str, Any]:
 
 def _rims(theme: Theme, shown: Shown, *, known: bool) -> dict[str, Any]:
     """Of bridges, below the road that they carry."""
-    widths_of = {
-        kind: _known_widths(kind, shown) if known else list(_unknown_widths(kind)) for kind in WIDTHS_PX
-    }
-    widths = [
-        ["+", _by_kind({kind: widths_of[kind][k] for kind in WIDTHS_PX}), 2 * RIM_PX]
-        for k in range(len(ZOOMS))
-    ]
+    widths_of = [_known_widths(kind, shown) if known else _unknown_widths(kind) for kind in WIDTHS_PX]
+    widths = [["+", _by_kind(*widths_at_zoom), 2 * RIM_PX] for widths_at_zoom in zip(*widths_of, strict=True)]
     name, mine = ("bridge", shown.known) if known else ("bridge-unknown", ["!", shown.known])
     paint = {"line-color": theme.rim, "line-width": _by_zoom(widths)}
     return _line(name, [["has", "bridge"], mine], paint, layout={"line-cap": "butt"}, minzoom=RIMS_FROM)
@@ -153,16 +148,15 @@ def _rims(theme: Theme, shown: Shown, *, known: bool) -> dict[str, Any]:
 
 def _dashes(theme: Theme) -> dict[str, Any]:
     """Of tunnels, over the road, which is under the ground."""
-    widths = [_by_kind({kind: 1.1 * WIDTHS_PX[kind][k] for kind in WIDTHS_PX}) for k in range(len(ZOOMS))]
+    widths = [
+        _by_kind(*(1.1 * width for width in at_zoom)) for at_zoom in zip(*WIDTHS_PX.values(), strict=True)
+    ]
     paint = {"line-color": theme.ground, "line-width": _by_zoom(widths), "line-dasharray": list(DASH)}
     return _line("tunnel", [["has", "tunnel"]], paint, layout={"line-cap": "butt"}, minzoom=RIMS_FROM)
 
 
-def _by_kind(values: dict[str, Any]) -> Expression:
-    return [
-        "match", _CLASS, list(MAJOR), values["major"], list(MIDDLE), values["middle"], list(MINOR), values["minor"],
-        values["lesser"],
-    ]  # fmt: skip
+def _by_kind(major: Any, middle: Any, minor: Any, lesser: Any) -> Expression:
+    return ["match", _CLASS, list(MAJOR), major, list(MIDDLE), middle, list(MINOR), minor, lesser]
 
 
 def _arrows(theme: Theme, shown: Shown, slope: Expression) -> dict[str, Any]:
@@ -186,11 +180,7 @@ def _arrows(theme: Theme, shown: Shown, slope: Expression) -> dict[str, Any]:
             "icon-keep-upright": False,
             "icon-padding": _by_zoom([10, 10, 10, 3, 3]),
         },
-        "paint": {
-            "icon-color": theme.arrow,
-            "icon-halo-color": theme.arrow_edge,
-            "icon-halo-width": 1,
-        },
+        "paint": {"icon-color": theme.arrow, "icon-halo-color": theme.arrow_edge, "icon-halo-width": 1},
     }
 
 
@@ -212,17 +202,9 @@ def _figures(theme: Theme, shown: Shown) -> dict[str, Any]:
             "symbol-sort-key": ["-", 0, shown.figure],
             "text-field": text,
             "text-font": LABEL_FONTS,
-            "text-size": ["interpolate", ["linear"], ["zoom"], 15, 10, 19, 14],
+            "text-size": _linear(15, 10, 19, 14),
             # Beside the widest line, and clear of the arrow on it.
-            "text-offset": [
-                "interpolate",
-                ["linear"],
-                ["zoom"],
-                15,
-                ["literal", [0, 1.6]],
-                19,
-                ["literal", [0, 1.9]],
-            ],
+            "text-offset": _linear(15, ["literal", [0, 1.6]], 19, ["literal", [0, 1.9]]),
             "text-padding": 4,
             "text-max-angle": 30,
         },
@@ -236,10 +218,8 @@ def _number(value: Expression, digits: Expression) -> Expression:
 
 def _stepped(scale: ColourScale, shown: Shown) -> Expression:
     """The colour of each class of the scale."""
-    out: Expression = ["step", shown.value, scale.colours[0]]
-    for lower, shade in zip(scale.breaks_percent[1:], scale.colours[1:], strict=True):
-        out += [lower, shade]
-    return out
+    later = zip(scale.breaks_percent[1:], scale.colours[1:], strict=True)
+    return ["step", shown.value, scale.colours[0], *chain(*later)]
 
 
 def _certainty() -> Expression:
@@ -250,15 +230,14 @@ def _certainty() -> Expression:
     ]  # fmt: skip
 
 
+def _linear(*zooms_and_values: Any) -> Expression:
+    return ["interpolate", ["linear"], ["zoom"], *zooms_and_values]
+
+
 def _by_zoom(values: list[Any]) -> Expression:
-    out: Expression = ["interpolate", ["exponential", 1.5], ["zoom"]]
-    for zoom, value in zip(ZOOMS, values, strict=True):
-        out += [zoom, value]
-    return out
+    return ["interpolate", ["exponential", 1.5], ["zoom"], *chain(*zip(ZOOMS, values, strict=True))]
 
 
 def _of_kind(kind: str) -> Expression:
-    named = {"major": MAJOR, "middle": MIDDLE, "minor": MINOR}
-    if kind in named:
-        return ["match", _CLASS, list(named[kind]), True, False]
-    return ["match", _CLASS, [*MAJOR, *MIDDLE, *MINOR], False, True]
+    named = {"major": MAJOR, "middle": MIDDLE, "minor": MINOR}.get(kind)
+    return ["match", _CLASS, list(named or (*MAJOR, *MIDDLE, *MINOR)), named is not None, named is None]

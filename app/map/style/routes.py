@@ -13,23 +13,13 @@ from fastapi import APIRouter, Path, Query, Request, Response
 
 from app.core.db import Bounds
 from app.core.errors import BadQueryError
-from app.core.http import (
-    JSON,
-    REVALIDATE,
-    BaseUrl,
-    ServiceDep,
-    json_answer,
-    problems,
-    unless_known,
-)
+from app.core.http import JSON, REVALIDATE, BaseUrl, ServiceDep, json_answer, problems, unless_known
 from app.core.query import refuse_unknown
 from app.core.text import dumps
 from app.map.coverage import cached_crowd
-from app.map.style.glyphs import FONT_CREDIT, FONTS, first_of_range, fonts_of, glyphs
 from app.map.style.layers import DARK, LIGHT, SOURCE, layers
-from app.map.style.scale import COLOUR_NAMES, ColourScale, scale_of
-from app.map.style.shown import SHOWN
-from app.map.style.sprites import FILES, SHEET, sheet
+from app.map.style.scale import COLOUR_NAMES, SHOWN, ColourScale, scale_of
+from app.map.style.signs import FILES, FONT_CREDIT, FONTS, SHEET, first_of_range, fonts_of, glyphs, sheet
 from app.map.tiles.store import SEGMENTS, WAYS
 
 PROTOBUF = "application/x-protobuf"
@@ -103,9 +93,7 @@ def style(
     _check_choice("colour", colour, COLOUR_NAMES)
     _check_choice("layer", layer, LAYERS)
     if layer == WAYS and SHOWN[colour].singles_only:
-        raise BadQueryError(
-            f"colour: {colour} is known of segments only. Ask for layer=segments.", field="colour"
-        )
+        raise BadQueryError.about("colour", f"{colour} is known of segments only. Ask for layer=segments.")
     with service.reading() as session:
         bounds = cached_crowd(service, session)
     document = style_document(base, theme, colour, layer)
@@ -201,9 +189,7 @@ def first_view(bounds: Bounds) -> dict[str, Any]:
 
 def _check_choice(name: str, value: str, known: Any) -> None:
     if value not in known:
-        raise BadQueryError(
-            f"{name}: there is no {value[:100]!r}. Choose one of: {', '.join(known)}.", field=name
-        )
+        raise BadQueryError.about(name, f"there is no {value[:100]!r}. Choose one of: {', '.join(known)}.")
 
 
 def _conditional(request: Request, content: bytes, media_type: str, caching: str) -> Response:

@@ -1,4 +1,4 @@
-"""The colours of slopes, for every map that is drawn by classes: files for QGIS and the style of web maps.
+"""What the colours of maps stand for: classes of slopes, for files for QGIS and web maps, and which roads have one.
 
 What is steep, or sure, stands out most: darkest on light ground, brightest on dark ground. The numbers are taken from
 matplotlib's viridis (steepness) and plasma (certainty), of which the lightness rises steadily, so that colour-blind
@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
+
+from app.map.picture.slope_map import DOUBT, UNSURE_SIGMA_PERCENT
 
 BREAKS_PERCENT = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 15.0)
 """Steepness from which on each class begins; the last has no end."""
@@ -44,27 +47,69 @@ def scale_of(colour: str, *, dark: bool) -> ColourScale:
     return _SCALES[colour][dark]
 
 
-_STEEPNESS = "Steepness"
-_MODELLED = "Steepness by the elevation model alone"
-_APART = "Measured slope against the elevation model's"
-_SIGMA = "Uncertainty of the slope, one standard deviation"
+_STEEPNESSES = (BREAKS_PERCENT, COLOURS, COLOURS_ON_DARK)
+_SIGMAS = (SIGMA_BREAKS_PERCENT, SIGMA_COLOURS, SIGMA_COLOURS_ON_DARK)
 _SCALES = {
-    "steepness": (
-        ColourScale(_STEEPNESS, BREAKS_PERCENT, COLOURS),
-        ColourScale(_STEEPNESS, BREAKS_PERCENT, COLOURS_ON_DARK),
-    ),
-    "certainty": (
-        ColourScale(_SIGMA, SIGMA_BREAKS_PERCENT, SIGMA_COLOURS),
-        ColourScale(_SIGMA, SIGMA_BREAKS_PERCENT, SIGMA_COLOURS_ON_DARK),
-    ),
-    "elevation-model": (
-        ColourScale(_MODELLED, BREAKS_PERCENT, COLOURS),
-        ColourScale(_MODELLED, BREAKS_PERCENT, COLOURS_ON_DARK),
-    ),
-    "difference": (
-        ColourScale(_APART, BREAKS_PERCENT, COLOURS),
-        ColourScale(_APART, BREAKS_PERCENT, COLOURS_ON_DARK),
-    ),
+    name: (ColourScale(title, breaks, on_light), ColourScale(title, breaks, on_dark))
+    for name, title, (breaks, on_light, on_dark) in (
+        ("steepness", "Steepness", _STEEPNESSES),
+        ("certainty", "Uncertainty of the slope, one standard deviation", _SIGMAS),
+        ("elevation-model", "Steepness by the elevation model alone", _STEEPNESSES),
+        ("difference", "Measured slope against the elevation model's", _STEEPNESSES),
+    )
 }
 COLOUR_NAMES = tuple(_SCALES)
 """What the colour of a web map can stand for."""
+
+
+Expression = list[Any]
+
+SLOPE: Expression = ["get", "slope_percent"]
+MODELLED: Expression = ["get", "dem_slope_percent"]
+SIGMA: Expression = ["coalesce", ["get", "slope_sigma_percent"], UNSURE_SIGMA_PERCENT]
+_MEASURED: Expression = ["has", "slope_percent"]
+_BOTH: Expression = ["all", _MEASURED, ["has", "dem_slope_percent"]]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """In the language of MapLibre's style specification."""
+
+    known: Expression
+    """Whether a road has a colour."""
+    value: Expression
+    """The figure of the scale, 0 or more, where it is known."""
+    figure: Expression
+    """The figure beside the road, 0 or more."""
+    sigma: Expression | None
+    """Of that figure; None: it has none."""
+    uphill: Expression | None
+    """The slope whose sign arrows follow; None: there are no arrows."""
+    sure: Expression | bool
+    """Whether its sign is beyond doubt."""
+    widths_tell: bool
+    """Whether lines are narrower where the slope is less sure."""
+    singles_only: bool = False
+    """Whether it is known of single segments alone, and not of what low zooms or ways draw."""
+
+    @property
+    def rank(self) -> Expression:
+        """What matters most lies on top where roads meet: the steepest, or the surest."""
+        return self.value if self.value != SIGMA else ["-", 0, SIGMA]
+
+
+_SLOPE_SIZE: Expression = ["abs", SLOPE]
+_MODEL_SIZE: Expression = ["abs", MODELLED]
+_DIFFERENCE: Expression = ["abs", ["-", SLOPE, MODELLED]]
+_SURE: Expression = [">", _SLOPE_SIZE, ["*", DOUBT, SIGMA]]
+
+SHOWN = {
+    "steepness": Shown(_MEASURED, _SLOPE_SIZE, _SLOPE_SIZE, SIGMA, SLOPE, _SURE, widths_tell=True),
+    "certainty": Shown(_MEASURED, SIGMA, _SLOPE_SIZE, SIGMA, SLOPE, _SURE, widths_tell=False),
+    "elevation-model": Shown(
+        ["has", "dem_slope_percent"], _MODEL_SIZE, _MODEL_SIZE, None, MODELLED, True, False, singles_only=True
+    ),
+    "difference": Shown(
+        _BOTH, _DIFFERENCE, _DIFFERENCE, None, None, True, widths_tell=True, singles_only=True
+    ),
+}

@@ -8,8 +8,8 @@ from typing import Any
 
 from app.core.http import Link, Service, link, link_documents
 from app.core.settings import Settings
-from app.map.attribution import OSM_LICENSE, OSM_LICENSE_URL, attribution, attribution_html
 from app.map.coverage import cached_extent, dem_names
+from app.map.segment import CRS84, OSM_LICENSE, OSM_LICENSE_URL, attribution, attribution_html
 from app.map.tiles.front import MVT, QUAD
 from app.map.tiles.store import EDGE_DEG, SEGMENTS, WAYS, column_of, row_of
 from app.map.tiles.tiles import WAYS_FROM_ZOOM
@@ -65,12 +65,13 @@ def kinds(fields: dict[str, str]) -> dict[str, str]:
     return {name: words.partition(";")[0] for name, words in fields.items()}
 
 
-CRS84 = "http://www.opengis.net/def/crs/OGC/1.3/CRS84"
 WEB_MERCATOR = "http://www.opengis.net/def/crs/EPSG/0/3857"
+QUAD_TITLE = "Web Mercator, by quarters"
 QUAD_URI = f"http://www.opengis.net/def/tilematrixset/OGC/1.0/{QUAD}"
 SCHEME_REL = "http://www.opengis.net/def/rel/ogc/1.0/tiling-scheme"
 SCHEMES_REL = "http://www.opengis.net/def/rel/ogc/1.0/tiling-schemes"
 VECTOR_REL = "http://www.opengis.net/def/rel/ogc/1.0/tilesets-vector"
+_OF_TILESETS = {"dataType": "vector", "crs": WEB_MERCATOR, "tileMatrixSetURI": QUAD_URI}
 TILEJSON_TYPE = "application/vnd.mapbox.tile+json"
 
 DEEPEST_MATRIX = 24
@@ -92,7 +93,7 @@ def matrix_set_document() -> dict[str, Any]:
     """The definition of the tile matrix set (OGC 17-083r4)."""
     return {
         "id": QUAD,
-        "title": "Web Mercator, by quarters",
+        "title": QUAD_TITLE,
         "uri": QUAD_URI,
         "crs": WEB_MERCATOR,
         "orderedAxes": ["X", "Y"],
@@ -106,18 +107,11 @@ def tilesets_document(service: Service, base: str, here: str, layer: str) -> dic
     about = ABOUT[layer]
     with service.reading() as session:
         source = attribution(dem_names(service, session))
-    one = {
-        "title": about.title,
-        "dataType": "vector",
-        "crs": WEB_MERCATOR,
-        "tileMatrixSetURI": QUAD_URI,
-        "links": link_documents(
-            [
-                link(f"{here}/{QUAD}", "self", title="The tileset"),
-                link(f"{base}/tileMatrixSets/{QUAD}", SCHEME_REL, title="Its tile matrix set"),
-            ]
-        ),
-    }
+    own = [
+        link(f"{here}/{QUAD}", "self", title="The tileset"),
+        link(f"{base}/tileMatrixSets/{QUAD}", SCHEME_REL, title="Its tile matrix set"),
+    ]
+    one = {"title": about.title, **_OF_TILESETS, "links": link_documents(own)}
     links = [link(here, "self"), link(f"{base}/tileMatrixSets", SCHEMES_REL, title="Tile matrix sets")]
     return {"attribution": source, "links": link_documents(links), "tilesets": [one]}
 
@@ -141,9 +135,7 @@ def tileset_document(service: Service, base: str, here: str, layer: str) -> dict
         "title": about.title,
         "description": about.description,
         "attribution": source,
-        "dataType": "vector",
-        "crs": WEB_MERCATOR,
-        "tileMatrixSetURI": QUAD_URI,
+        **_OF_TILESETS,
         "tileMatrixSetLimits": [
             _limits(z, bounds or (-180.0, -EDGE_DEG, 180.0, EDGE_DEG))
             for z in range(lowest, settings.tile_max_zoom + 1)
@@ -197,14 +189,12 @@ def _limits(z: int, bounds: tuple[float, float, float, float]) -> dict[str, Any]
     west, south, east, north = bounds
     if west > east:
         west, east = -180.0, 180.0
-    columns = [column_of(z, longitude) for longitude in (west, east)]
-    rows = [row_of(z, latitude) for latitude in (north, south)]
     return {
         "tileMatrix": str(z),
-        "minTileCol": columns[0],
-        "maxTileCol": columns[1],
-        "minTileRow": rows[0],
-        "maxTileRow": rows[1],
+        "minTileCol": column_of(z, west),
+        "maxTileCol": column_of(z, east),
+        "minTileRow": row_of(z, north),
+        "maxTileRow": row_of(z, south),
     }
 
 
@@ -215,9 +205,8 @@ def tilejson(service: Service, base: str, layer: str) -> dict[str, Any]:
         names = dem_names(service, session)
     about = ABOUT[layer]
     zooms = {"minzoom": lowest_zoom(service.settings, layer), "maxzoom": service.settings.tile_max_zoom}
-    tiles = {SEGMENTS: "/tiles/{z}/{x}/{y}.mvt"}.get(
-        layer, f"/collections/{layer}/tiles/{QUAD}/{{z}}/{{y}}/{{x}}.mvt"
-    )
+    elsewhere = f"/collections/{layer}/tiles/{QUAD}/{{z}}/{{y}}/{{x}}.mvt"
+    tiles = "/tiles/{z}/{x}/{y}.mvt" if layer == SEGMENTS else elsewhere
     document: dict[str, Any] = {
         "tilejson": "3.0.0",
         "name": about.title,

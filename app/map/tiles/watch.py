@@ -157,7 +157,7 @@ class Watch:
     def take_box(self) -> Bounds | None:
         """Where anything changed since this was called last, degrees; None: it may be anywhere.
 
-        For one caller: those who follow the map as it changes (``app.changes.live``).
+        For one caller: those who follow the map as it changes (``app.changes.routes``).
         """
         changed, anything = self._changed, self._anything
         self._changed, self._anything = None, False

@@ -9,8 +9,8 @@ from datetime import datetime
 from sqlalchemy.orm import Session
 
 from app.core.telemetry import audit
-from app.map.statistics import figures
-from app.map.statistics.growth import growth
+from app.map import figures
+from app.map.figures import growth
 from app.ops.admin import store
 from app.ops.admin.attention import FAILED_DAYS, attention
 from app.ops.admin.store import Parameters, Read, Rows

@@ -20,8 +20,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.changes import store
-from app.changes.pages import page_since
-from app.changes.store import Since
+from app.changes.store import Since, page_since
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
 from app.map.segment import Column, Segment

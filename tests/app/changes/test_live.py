@@ -13,8 +13,8 @@ import httpx
 import psycopg
 import pytest
 
-from app.changes import live
-from app.changes.live import Change, Live
+from app.changes import routes
+from app.changes.routes import Change, Live
 from app.core.db import Bounds
 from app.core.errors import BusyError
 from app.core.receiving.clients import Shares
@@ -67,8 +67,8 @@ class Map:
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live, "LOOK_EVERY_S", 0.01)
-    monkeypatch.setattr(live, "AGAIN_S", 0.01)
+    monkeypatch.setattr(routes, "LOOK_EVERY_S", 0.01)
+    monkeypatch.setattr(routes, "AGAIN_S", 0.01)
 
 
 def test_a_database_that_does_not_answer_is_asked_again() -> None:

@@ -10,8 +10,7 @@ import pytest
 from sqlalchemy import text
 
 from app.changes import store
-from app.changes.pages import LOOKED_AT, count_since, page_since, prune
-from app.changes.store import Since
+from app.changes.store import LOOKED_AT, Since, count_since, page_since, prune
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.errors import BadQueryError, GoneError, NotReadyError
 from app.embedded.cluster import EmbeddedPostgres
@@ -115,7 +114,7 @@ def test_a_request_for_a_part_looks_at_so_many_changes_and_leads_on(
     mapped: Sessions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert LOOKED_AT >= 10_000
-    monkeypatch.setattr("app.changes.pages.LOOKED_AT", 3)
+    monkeypatch.setattr("app.changes.store.LOOKED_AT", 3)
     first = here(mapped)
     change(mapped, 1, 2, 3, 4)
     with mapped() as session:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from sqlalchemy import text
 
-from app.map.statistics import figures
+from app.map import figures
 from app.operations import sources
 from app.roads.documents import Source, Wishes
 from app.roads.imports import bring_in

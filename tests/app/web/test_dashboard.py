@@ -16,7 +16,7 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.jobs.context import JobContext
 from app.jobs.requests.run import perform
 from app.jobs.task import Work
-from app.map.statistics import figures
+from app.map import figures
 from app.operations.run import OPERATION
 from browser_fixtures import Tab
 from fusion.simulate.scene.town import Town

@@ -20,7 +20,7 @@ from matplotlib.colors import to_hex, to_rgb
 
 from app.exports.formats import SEGMENT_FORMATS, write_segments
 from app.exports.writing.qgis_style import MARK, WIDTH_MM, classes, qml
-from app.map.picture.roads import STEEPNESS
+from app.map.picture.key import STEEPNESS
 from app.map.segment import PROPERTIES, Segment
 from app.map.style.scale import BREAKS_PERCENT, COLOURS, UNKNOWN_COLOUR
 

@@ -26,8 +26,7 @@ from app.core.text import utc_text
 from app.exports.formats import SEGMENT_FORMATS, segment_format_for, write_segments
 from app.exports.writing import arrow
 from app.exports.writing.arrow import arrow_tables
-from app.map.attribution import attribution, attribution_html
-from app.map.segment import HEIGHT_DATUM, PROPERTIES, Segment
+from app.map.segment import HEIGHT_DATUM, PROPERTIES, Segment, attribution, attribution_html
 from fusion.errors import UnknownNameError
 
 EXAMPLE = Segment(

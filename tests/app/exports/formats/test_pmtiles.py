@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from pmtiles.reader import MmapSource, Reader, all_tiles
 from pmtiles.tile import zxy_to_tileid
 
-from app.exports.writing import pmtiles_archive as pmtiles
-from app.exports.writing.pmtiles_archive import HEADER, ROOT_ENDS_AT, Tile, tile_number, write_pmtiles
+from app.exports.formats import pmtiles
+from app.exports.formats.pmtiles import HEADER, ROOT_ENDS_AT, tile_number, write_pmtiles
+from app.exports.source import Tile
 
 BOUNDS = (-180.0, -85.0, 180.0, 85.0)
 

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.exports.formats.osrm import SpeedOptions
-from app.exports.writing.vehicles import AIR_KGPM3, GRAVITY_MPS2, SLOPES_PERCENT, VEHICLES, Kind
+from app.exports.formats.osrm import AIR_KGPM3, GRAVITY_MPS2, SLOPES_PERCENT, VEHICLES, Kind, SpeedOptions
 from fusion.roads.osm import DRIVABLE
 
 KINDS = st.sampled_from(list(Kind))

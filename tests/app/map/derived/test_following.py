@@ -13,11 +13,10 @@ from app.core.db import Sessions
 from app.core.settings import Settings
 from app.drives import publishing, queue
 from app.drives.worker import run_worker
-from app.map.derived import following, store
+from app.map.derived import following
+from app.map.derived.chains import Course
 from app.map.derived.drawn_store import replace_pieces
-from app.map.derived.levels import LEVELS, children
-from app.map.derived.lines import Course
-from app.map.derived.pieces import Stretches, pieces_of
+from app.map.derived.pieces import LEVELS, Stretches, children, pieces_of
 from app.ops import store as figures
 from derived_support import add_segment, derived, execute, from_scratch, ids_of, measure
 from fusion.types import Ints
@@ -120,16 +119,16 @@ def test_changes_wait_for_those_that_may_still_come_before_them(
 
 def test_one_at_a_time(followed: Sessions, segment_ids: Ints) -> None:
     measure(followed, int(segment_ids[0]), 1.0)
-    with store.deriving_alone(followed) as alone:
+    with following.deriving_alone(followed) as alone:
         assert alone
         assert not following.follow(followed)
         assert value(followed, "SELECT count(slope_percent) FROM ways") == 0
     # One who has lost the lock, and does not know it, comes too late and writes nothing.
     with followed() as session:
-        moment = store.look(session, 10.0)
+        moment = following.look(session, 10.0)
     following.follow_all(followed)
     with followed.begin() as session:
-        assert not store.take_turn(session, moment)
+        assert not following.take_turn(session, moment)
     assert value(followed, "SELECT count(slope_percent) FROM ways") == 1
 
 
@@ -238,7 +237,7 @@ def test_to_look_whether_there_is_anything_to_do_costs_the_same_however_many_seg
         """,
     )
     execute(followed, "ANALYZE segment_changes")
-    for query, values in ((store._LOOK, {"long_s": 10.0}), (figures._BEHIND, {})):
+    for query, values in ((following._LOOK, {"long_s": 10.0}), (figures._BEHIND, {})):
         with followed() as session:
             plan = "\n".join(session.execute(text(f"EXPLAIN {query.text}"), values).scalars())
         assert "Seq Scan on segment_changes" not in plan

@@ -13,7 +13,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.map.derived import following, store
+from app.map.derived import following
 from derived_support import (
     add_segment,
     derived,
@@ -117,7 +117,7 @@ class World:
                 patch.setattr(following, name, die)
             following.follow(self.sessions, 0.0)
             if name:  # and while it follows changes
-                patch.setattr(store, "ask_to_draw", die)
+                patch.setattr(following, "ask_to_draw", die)
                 following.follow(self.sessions, 0.0)
 
 

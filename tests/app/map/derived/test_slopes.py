@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.map.derived.chains import Chains
-from app.map.derived.way_slopes import ChainSlopes, Measured, slopes_along
+from app.map.derived.way_store import ChainSlopes, Measured, slopes_along
 from fusion.network.segment_slopes import PLACE_SIGMA_M
 from fusion.network.steepest import STRETCH_M
 
@@ -19,7 +19,7 @@ NAN = math.nan
 
 def measured(length: list[float], slope: list[float], sigma: float = 0.5, **columns: list[float]) -> Measured:
     n = len(length)
-    known = {"length_m": length, "slope_percent": slope, "sigma_percent": [sigma] * n}
+    known = {"length_m": length, "slope_percent": slope, "slope_sigma_percent": [sigma] * n}
     unknown = {name: [NAN] * n for name in Measured.__dataclass_fields__}
     return Measured(**{name: np.array(v, float) for name, v in (unknown | known | columns).items()})
 
@@ -34,13 +34,19 @@ def test_the_mean_is_by_length_over_what_was_measured() -> None:
     assert found.length_m == [500.0]
     assert found.slope_percent == pytest.approx(0.5)
     assert found.measured_share == pytest.approx(0.4)
-    assert found.sigma_percent == pytest.approx(0.5)  # of neighbours that err as one, however many
+    assert found.slope_sigma_percent == pytest.approx(0.5)  # of neighbours that err as one, however many
 
 
 def test_unknown_is_never_zero() -> None:
     found = one(measured([100.0, 50.0], [NAN, NAN]))
     assert found.measured_share == [0.0]
-    for name in ("slope_percent", "sigma_percent", "steepest_percent", "steepest_from_m", "steepest_to_m"):
+    for name in (
+        "slope_percent",
+        "slope_sigma_percent",
+        "steepest_percent",
+        "steepest_from_m",
+        "steepest_to_m",
+    ):
         assert np.isnan(getattr(found, name)).all()
 
 
@@ -53,23 +59,23 @@ def test_heights_at_both_ends_make_a_long_way_surer() -> None:
         "height_sigma_m": [0.4] * n,
     }
     long = one(measured([50.0] * n, [2.0] * n, **heights))
-    assert long.sigma_percent == pytest.approx(100 * math.hypot(0.4, 0.4) / 1000)
+    assert long.slope_sigma_percent == pytest.approx(100 * math.hypot(0.4, 0.4) / 1000)
     # What slopes and heights say differently counts as well, and never makes it less sure than the segments are.
     heights["height_to_m"][-1] += 3.0
-    assert one(measured([50.0] * n, [2.0] * n, **heights)).sigma_percent == pytest.approx(
+    assert one(measured([50.0] * n, [2.0] * n, **heights)).slope_sigma_percent == pytest.approx(
         100 * math.sqrt(2 * 0.4**2 + 3.0**2) / 1000
     )
     heights["height_to_m"][-1] += 300.0
-    assert one(measured([50.0] * n, [2.0] * n, **heights)).sigma_percent == pytest.approx(0.5)
+    assert one(measured([50.0] * n, [2.0] * n, **heights)).slope_sigma_percent == pytest.approx(0.5)
     # A segment alone is as sure as it is.
     alone = {name: values[:1] for name, values in heights.items()}
-    assert one(measured([50.0], [2.0], **alone)).sigma_percent == pytest.approx(0.5)
+    assert one(measured([50.0], [2.0], **alone)).slope_sigma_percent == pytest.approx(0.5)
 
 
 def test_nodes_beside_their_place_count_where_the_grade_is_not_the_mean() -> None:
     heights = {"height_from_m": [0.0, 1.0], "height_to_m": [1.0, 11.0], "height_sigma_m": [0.0, 0.0]}
     found = one(measured([100.0, 100.0], [1.0, 10.0], sigma=9.0, **heights))
-    assert found.sigma_percent == pytest.approx(PLACE_SIGMA_M * math.hypot(4.5, 4.5) / 200)
+    assert found.slope_sigma_percent == pytest.approx(PLACE_SIGMA_M * math.hypot(4.5, 4.5) / 200)
 
 
 def test_the_steepest_stretch_goes_across_segments() -> None:
@@ -159,7 +165,7 @@ def test_a_chain_gone_through_backwards_has_the_other_signs(chain: list[tuple[fl
     back = one(measured([m for m, _ in chain[::-1]], [-s for _, s in chain[::-1]]))
     np.testing.assert_allclose(back.slope_percent, -there.slope_percent, atol=1e-9)
     np.testing.assert_allclose(np.abs(back.steepest_percent), np.abs(there.steepest_percent), atol=1e-6)
-    np.testing.assert_allclose(back.sigma_percent, there.sigma_percent)
+    np.testing.assert_allclose(back.slope_sigma_percent, there.slope_sigma_percent)
 
 
 @given(
@@ -176,10 +182,10 @@ def test_a_way_is_never_told_to_be_surer_than_it_is(errors: list[list[float]], l
     segments = measured(
         along.tolist(),
         [0.0] * n,
-        sigma_percent=sigma.tolist(),
+        slope_sigma_percent=sigma.tolist(),
         height_from_m=[0.0] * n,
         height_to_m=[0.0] * n,
         height_sigma_m=np.maximum(height[:-1], height[1:]).tolist(),
     )
     true = 100 * np.linalg.norm(by_node[-1] - by_node[0]) / along.sum()
-    assert one(segments).sigma_percent >= true - 1e-9
+    assert one(segments).slope_sigma_percent >= true - 1e-9

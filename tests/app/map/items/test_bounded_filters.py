@@ -14,9 +14,8 @@ from app.core.db import fetch_binary
 from app.core.errors import BadQueryError
 from app.map.items import filters, store
 from app.map.items.collections import SEGMENTS
-from app.map.items.cql import DEEPEST, JSON, TEXT
+from app.map.items.cql import ARITHMETIC, DEEPEST, JSON, OF_TEXTS, TEXT
 from app.map.items.filters import filter_condition
-from app.map.items.operators import ARITHMETIC, OF_TEXTS
 from app.map.items.places import CRS84
 from app.map.items.request import parse_items
 from items_support import Items

@@ -310,7 +310,7 @@ def test_what_cannot_be_divided_is_unknown(items: Items) -> None:
 
 
 def test_every_queryable_can_be_asked_for(items: Items) -> None:
-    for name in SEGMENTS.queryables:
+    for name in SEGMENTS.properties:
         assert items.ids(filter=f"{name} IS NULL OR {name} IS NOT NULL") == [
             row["id"] for row in items.stored
         ]

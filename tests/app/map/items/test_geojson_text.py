@@ -14,10 +14,9 @@ from app.core.db import fetch_binary
 from app.core.text import rounded
 from app.map import store as segments
 from app.map.items.collections import COLLECTIONS, SEGMENTS, Property
-from app.map.items.geojson import feature_sql, value_sql
 from app.map.items.places import CRS84, CRSS, EPSG3857
 from app.map.items.request import parse_item
-from app.map.items.store import one
+from app.map.items.store import feature_sql, one, value_sql
 from app.map.segment import COLUMNS, PROPERTIES
 from items_support import Items, N
 

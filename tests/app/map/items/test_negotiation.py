@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from app.map.items.landing import CONFORMANCE
-from app.map.items.negotiation import MOST_IN_HEADER
-from app.map.items.pages import page
+from app.map.items.pages import MOST_IN_HEADER, page
 
 GEOJSON, SCHEMA = "application/geo+json", "application/schema+json"
 OPENAPI = "application/vnd.oai.openapi+json"

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from app.core.errors import BadQueryError
 from app.map.items.collections import SEGMENTS, WAYS
-from app.map.items.places import CRSS, EDGE_M, EPSG3857
+from app.map.items.places import CRSS, EDGE_M, EPSG3857, interval, moment, parse_datetime, span
 from app.map.items.request import item_parameters, parse_item, parse_items
-from app.map.items.times import interval, moment, parse_datetime, span
 from items_support import Items, ids_of
 
 EPSG_4326, EPSG_3857 = list(CRSS)[1:]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.map.picture.text import is_writable, width_pt, wrapped, writable
+from app.map.picture.lettering import is_writable, width_pt, wrapped, writable
 
 
 @given(st.text(max_size=120), st.floats(30, 300))

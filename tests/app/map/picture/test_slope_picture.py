@@ -14,10 +14,10 @@ from matplotlib.image import imread
 from matplotlib.lines import Line2D
 from matplotlib.quiver import Quiver
 
-from app.map.attribution import OSM_ATTRIBUTION, attribution
-from app.map.picture.roads import STEEPNESS
+from app.map.picture.key import STEEPNESS
 from app.map.picture.slope_map import MapError, MapSegments, line_widths
 from app.map.picture.slope_picture import MAP_IN, slope_figure
+from app.map.segment import OSM_ATTRIBUTION, attribution
 from app.map.style.scale import UNKNOWN_COLOUR
 from fusion.types import Floats
 from map_support import LAT, LON, street

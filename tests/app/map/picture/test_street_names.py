@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from app.map.picture.street_names import MOST_NAMES, StreetName, place_names
+from app.map.picture.lettering import MOST_NAMES, StreetName, place_names
 from fusion.types import Floats
 
 FRAME = (-1000.0, -1000.0, 1000.0, 1000.0)

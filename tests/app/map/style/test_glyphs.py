@@ -16,9 +16,17 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from PIL import Image, ImageDraw, ImageFont
 
-from app.map.style.glyphs import BASELINE_PX, BORDER_PX, EM_PX, FONTS, glyphs
-from app.map.style.outlines import distance_field
-from app.map.style.sprites import FILES, SIDE_PX, sheet
+from app.map.style.signs import (
+    BASELINE_PX,
+    BORDER_PX,
+    EM_PX,
+    FILES,
+    FONTS,
+    SIDE_PX,
+    distance_field,
+    glyphs,
+    sheet,
+)
 from problem_support import check
 
 SANS = "/glyphs/DejaVu Sans/0-255.pbf"

@@ -18,7 +18,6 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 from app.map.picture.slope_map import certain_signs, line_widths
-from app.map.style.glyphs import FONTS
 from app.map.style.layers import LAYER, ZOOMS
 from app.map.style.routes import THEMES, first_view, style_document
 from app.map.style.scale import (
@@ -28,7 +27,7 @@ from app.map.style.scale import (
     SIGMA_COLOURS_ON_DARK,
     scale_of,
 )
-from app.map.style.sprites import sheet
+from app.map.style.signs import FONTS, sheet
 from problem_support import check
 from style_expressions import Feature, evaluate
 

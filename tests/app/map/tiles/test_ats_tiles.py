@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from app.map.tiles.documents import VECTOR_REL as TILESETS_REL
-from app.map.tiles.ogc_routes import TILES_CONFORMANCE
+from app.map.tiles.routes import TILES_CONFORMANCE
 from mvt_support import layers
 from problem_support import check
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from app.map.statistics import figures, growth
+from app.map import figures
 from app.ops.admin.attention import attention
 from app.ops.admin.queries import QUERIES
 from app.ops.admin.store import Parameters
@@ -123,18 +123,18 @@ def test_what_ended_is_told_by_hour_and_by_day(filled: Web) -> None:
 def test_coverage_grows_day_by_day(filled: Web) -> None:
     assert rows(filled, "growth") == []
     add_drive(filled.sessions, [0, 3])  # two residential streets
-    growth.note_today(filled.sessions)
+    figures.note_today(filled.sessions)
     run(filled, "UPDATE driven_by_day SET day = day - 1")
     add_drive(filled.sessions, [1, 6])
-    growth.note_today(filled.sessions)
-    growth.note_today(filled.sessions)
+    figures.note_today(filled.sessions)
+    figures.note_today(filled.sessions)
     found = [(row["highway"], row["driven_segments"]) for row in rows(filled, "growth")]
     assert found == [("residential", 2), ("residential", 3), ("primary", 1)]
     now = rows(filled, "growth")
     covered = {row["highway"]: row["driven_km"] for row in rows(filled, "coverage") if row["driven_km"]}
     assert {row["highway"]: row["driven_km"] for row in now[1:]} == pytest.approx(covered)
     run(filled, "UPDATE cells SET driven = '{}'")
-    growth.note_today(filled.sessions)
+    figures.note_today(filled.sessions)
     assert [row["driven_segments"] for row in rows(filled, "growth")] == [2]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from app.map.statistics import figures
+from app.map import figures
 from app.network import extracts
 from app.ops.admin.queries import QUERIES
 from network_support import drive_over, new_drive, pass_over, publish

@@ -1,14 +1,19 @@
-"""Letters of labels, as maps in a browser read them: signed distance fields of 256 characters in one protobuf message.
+"""Signs and letters of the map, as maps in a browser read them: signed distance fields, sharp at every size and turn.
 
-The font is DejaVu, which matplotlib brings along, under a free licence of its own (Bitstream Vera, and public domain).
-Nothing of it is copied: its outlines are read where they are installed.
+Each pixel says how far its middle is from the outline. The distances are exact, to the outline's own lines, instead of
+being taken from a picture of it. Signs stand in the opacity of one picture, with a list of what is where in it; letters
+come by 256 characters in one protobuf message. The font is DejaVu, which matplotlib brings along, under a free licence
+of its own (Bitstream Vera, and public domain). Nothing of it is copied: its outlines are read where they are installed.
 """
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from importlib.util import find_spec
+from io import BytesIO
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -16,9 +21,103 @@ from typing import Any
 import numpy as np
 from fontTools.pens.basePen import BasePen
 from fontTools.ttLib import TTFont
+from numpy.typing import NDArray
+from PIL import Image
 
 from app.core.errors import NotFoundError
-from app.map.style.outlines import distance_field
+from app.core.text import varint
+from fusion.types import Floats
+
+CUTOFF = 0.25
+"""Of the range of a pixel's values, what lies inside of an outline: 191 is on it, as renderers of maps expect."""
+_ROWS_AT_ONCE = 512
+
+
+def distance_field(
+    contours: Sequence[Floats], left: int, top: int, width: int, height: int, *, radius: float = 8.0
+) -> NDArray[np.uint8]:
+    """A picture of ``height`` rows of ``width`` pixels, whose upper left corner is at (left, top).
+
+    ``contours`` are closed lines (n, 2), x to the right and y upwards, in pixels; what they wind around is inside
+    (nonzero rule). A pixel on the outline is 191, one that is ``radius`` farther outside is 64 levels a quarter of the
+    radius less, and none is below 0 or above 255.
+    """
+    x = left + 0.5 + np.arange(width)
+    y = top - 0.5 - np.arange(height)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    starts = np.concatenate(list(contours))
+    ends = np.concatenate([np.roll(line, -1, axis=0) for line in contours])
+    pieces = [
+        _signed_distance(points[k : k + _ROWS_AT_ONCE], starts, ends)
+        for k in range(0, len(points), _ROWS_AT_ONCE)
+    ]
+    outside = np.concatenate(pieces) / radius + CUTOFF
+    return np.clip(np.rint(255 - 256 * outside), 0, 255).astype(np.uint8).reshape(height, width)
+
+
+def _signed_distance(points: Floats, starts: Floats, ends: Floats) -> Floats:
+    """Distance of points (m, 2) from lines (n, 2) to (n, 2): positive outside."""
+    along = ends - starts
+    length2 = np.maximum((along**2).sum(axis=1), 1e-18)
+    to = points[:, None, :] - starts[None, :, :]
+    share = np.clip((to * along).sum(axis=2) / length2, 0.0, 1.0)
+    away = to - share[:, :, None] * along
+    nearest = np.sqrt((away**2).sum(axis=2).min(axis=1))
+    # How often the outline winds around a point: lines that a ray to the right crosses upwards, less downwards.
+    y = points[:, 1, None]
+    turn = along[:, 0] * to[:, :, 1] - along[:, 1] * to[:, :, 0]
+    upwards = (starts[:, 1] <= y) & (ends[:, 1] > y) & (turn > 0)
+    downwards = (starts[:, 1] > y) & (ends[:, 1] <= y) & (turn < 0)
+    winding = upwards.sum(axis=1) - downwards.sum(axis=1)
+    return np.asarray(np.where(winding != 0, -nearest, nearest), float)
+
+
+SHEET = "versant"
+UPHILL = "uphill"
+RATIOS = {"": 1, "@2x": 2}
+_SIGNS: dict[str, Floats] = {
+    # Points to the right: a style turns it along the line, or against it.
+    UPHILL: np.array([(-6.5, -6.0), (7.5, 0.0), (-6.5, 6.0), (-3.0, 0.0)])
+}
+"""Outlines around the origin, y upwards, in pixels of a usual screen."""
+SIDE_PX = 20
+"""Of the box that each sign has for itself: with room for a halo, and no more, since labels keep out of it."""
+RADIUS_PX = 8.0
+FILES = tuple(f"{SHEET}{ratio}.{kind}" for ratio in RATIOS for kind in ("json", "png"))
+
+
+@lru_cache
+def sheet(file: str) -> tuple[bytes, str]:
+    """Content and media type of one of ``FILES``; ``NotFoundError`` that lists them for any other."""
+    if file not in FILES:
+        raise NotFoundError(f"There is no {file[:100]!r}. There are: {', '.join(FILES)}.", field="file")
+    stem, kind = file.rsplit(".", 1)
+    ratio = RATIOS[stem.removeprefix(SHEET)]
+    return (_index(ratio), "application/json") if kind == "json" else (_picture(ratio), "image/png")
+
+
+def _index(ratio: int) -> bytes:
+    side = SIDE_PX * ratio
+    places = {
+        name: {"x": k * side, "y": 0, "width": side, "height": side, "pixelRatio": ratio, "sdf": True}
+        for k, name in enumerate(_SIGNS)
+    }
+    return json.dumps(places).encode()
+
+
+def _picture(ratio: int) -> bytes:
+    side, half = SIDE_PX * ratio, SIDE_PX * ratio // 2
+    fields = [
+        distance_field([outline * ratio], -half, half, side, side, radius=RADIUS_PX * ratio)
+        for outline in _SIGNS.values()
+    ]
+    opacity = np.concatenate(fields, axis=1)
+    pixels = np.zeros((*opacity.shape, 4), np.uint8)
+    pixels[..., 3] = opacity
+    out = BytesIO()
+    Image.fromarray(pixels).save(out, "PNG", optimize=True)
+    return out.getvalue()
+
 
 FONTS = {
     "DejaVu Sans": "DejaVuSans.ttf",
@@ -174,28 +273,19 @@ def _letter(
     character: int, picture: bytes, width: int, height: int, left: int, top: int, advance: int
 ) -> bytes:
     numbers = ((3, width), (4, height), (5, _zigzag(left)), (6, _zigzag(top)), (7, advance))
-    parts = [_key(1, 0), _varint(character), *([_tagged(2, picture)] if picture else [])]
+    parts = [_key(1, 0), varint(character), *([_tagged(2, picture)] if picture else [])]
     for field, value in numbers:
-        parts += [_key(field, 0), _varint(value)]
+        parts += [_key(field, 0), varint(value)]
     return b"".join(parts)
 
 
 def _tagged(field: int, content: bytes) -> bytes:
-    return b"".join((_key(field, 2), _varint(len(content)), content))
+    return b"".join((_key(field, 2), varint(len(content)), content))
 
 
 def _key(field: int, kind: int) -> bytes:
-    return _varint(field << 3 | kind)
+    return varint(field << 3 | kind)
 
 
 def _zigzag(value: int) -> int:
     return value << 1 if value >= 0 else (-value << 1) - 1
-
-
-def _varint(value: int) -> bytes:
-    out = bytearray()
-    while value > 0x7F:
-        out.append(value & 0x7F | 0x80)
-        value >>= 7
-    out.append(value)
-    return bytes(out)

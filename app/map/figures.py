@@ -1,4 +1,8 @@
-"""Figures of the whole map: what reads every segment, or every rejected pass, is computed by a worker and stored."""
+"""Figures of the whole map: what reads every segment, or every rejected pass, is computed by a worker and stored.
+
+How coverage grew is kept day by day. Stored vector tiles are counted by zoom, and how many are older than what they
+show.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,38 @@ from sqlalchemy import TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.map.statistics.stored_tiles import tiles_by_zoom
+from app.map.tiles.tiles import tag_of
+from app.map.tiles.watch import Versions
+
+_EPOCH = text("SELECT epoch || CAST(xmin AS text) FROM tile_epoch")
+_CELLS = text(
+    """
+    SELECT id, version, drawn_version, CAST(extract(epoch FROM changed_at) * 1000000 AS bigint) FROM cells
+    """
+)
+# A tile's tag names the zooms by which it was built last of all: from ".MIN.FULL" on.
+_TILES = text("SELECT z, x, y, tag, size_bytes FROM stored_tiles")
+
+
+def tiles_by_zoom(session: Session) -> list[dict[str, Any]]:
+    """For each zoom with tiles: how many, their bytes, and how many would be built anew if they were asked for."""
+    versions = Versions(str(session.execute(_EPOCH).scalar() or ""))
+    versions.put([(row[0], row[1], row[2], row[3]) for row in session.execute(_CELLS)])
+    rows: dict[int, dict[str, Any]] = {}
+    for z, x, y, tag, size_bytes in session.execute(_TILES):
+        row = rows.setdefault(z, {"zoom": z, "tiles": 0, "bytes": 0, "stale": 0})
+        row["tiles"] += 1
+        row["bytes"] += size_bytes
+        row["stale"] += not _is_fresh(versions, z, x, y, tag)
+    return [rows[z] for z in sorted(rows)]
+
+
+def _is_fresh(versions: Versions, z: int, x: int, y: int, tag: str) -> bool:
+    least, full = tag.rstrip('"').rsplit(".", 2)[-2:]
+    if not (least.isdigit() and full.isdigit()):
+        return False
+    return tag == tag_of(versions, z, x, y, min_zoom=int(least), full_zoom=int(full))
+
 
 LOOK_EVERY_S = 60.0
 """How often a worker looks."""
@@ -156,37 +191,68 @@ def kept(session: Session, name: str) -> Kept | None:
     return None if row is None else Kept(list(row.rows), row.made_at)
 
 
-def state(session: Session) -> str:
-    """Of all that the figures are computed from but rejected passes, which come with slopes."""
-    return str(session.execute(_STATE).scalar_one())
-
-
-def due(session: Session, state_now: str, age_s: float) -> str | None:
-    """The name of figures that are of another state and older than that, or were never made."""
-    values = {"names": sorted(KEPT), "state": state_now, "age_s": age_s}
-    name = session.execute(_DUE, values).scalar_one_or_none()
-    return None if name is None else str(name)
-
-
-def keep(session: Session, name: str, rows: list[dict[str, Any]], took_s: float, state_then: str) -> None:
-    """Put these figures in the place of those before."""
-    values = {"name": name, "rows": json.dumps(rows), "took_s": took_s, "state": state_then}
-    session.execute(_KEEP, values)
-
-
 def renew_one(sessions: Sessions) -> bool:
     """Make those figures again that are out of date the longest; whether there were any.
 
     Two workers may make the same at once; both are right.
     """
     with sessions() as session:
-        state_then = state(session)
-        name = due(session, state_then, KEPT_S)
+        # Of all that the figures are computed from but rejected passes, which come with slopes.
+        state_then = str(session.execute(_STATE).scalar_one())
+        values = {"names": sorted(KEPT), "state": state_then, "age_s": KEPT_S}
+        name = session.execute(_DUE, values).scalar_one_or_none()
         if name is None:
             return False
         began = time.monotonic()
         rows = make(session, name)
         took_s = time.monotonic() - began
+    of_state = "" if name in OF_NO_STATE else state_then
     with sessions.begin() as session:
-        keep(session, name, rows, took_s, "" if name in OF_NO_STATE else state_then)
+        session.execute(_KEEP, {"name": name, "rows": json.dumps(rows), "took_s": took_s, "state": of_state})
     return True
+
+
+NOTE_EVERY_S = 600.0
+"""How often a worker notes how much is driven by now; the last note of a day stays."""
+
+# Each cell keeps its own sums, so no segment is read.
+_DRIVEN_NOW = """
+    SELECT CAST(now() AT TIME ZONE 'UTC' AS date) AS day, of_class.key AS highway,
+           CAST(sum(CAST(of_class.value ->> 0 AS bigint)) AS bigint) AS segments,
+           sum(CAST(of_class.value ->> 1 AS float8)) AS length_m
+    FROM cells, jsonb_each(driven) AS of_class WHERE driven <> '{}' GROUP BY of_class.key
+"""
+# Of two workers the later one is right. A class that is gone counts as none.
+_NOTE = text(
+    f"""
+    WITH seen AS ({_DRIVEN_NOW}), gone AS (
+        UPDATE driven_by_day SET segments = 0, length_m = 0
+        WHERE day = CAST(now() AT TIME ZONE 'UTC' AS date) AND segments > 0
+            AND highway NOT IN (SELECT highway FROM seen))
+    INSERT INTO driven_by_day AS d (day, highway, segments, length_m)
+    SELECT day, highway, segments, length_m FROM seen ORDER BY highway
+    ON CONFLICT (day, highway) DO UPDATE SET segments = excluded.segments, length_m = excluded.length_m
+    WHERE (d.segments, d.length_m) IS DISTINCT FROM (excluded.segments, excluded.length_m)
+    """  # noqa: S608 - constants
+)
+_GROWTH = text(
+    f"""
+    SELECT day, highway, segments AS driven_segments, length_m / 1000 AS driven_km
+    FROM (SELECT day, highway, segments, length_m FROM driven_by_day
+          WHERE day > CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
+              AND day < CAST(now() AT TIME ZONE 'UTC' AS date)
+          UNION ALL {_DRIVEN_NOW}) AS each
+    ORDER BY day, length_m DESC, highway
+    """  # noqa: S608 - constants
+)
+
+
+def note_today(sessions: Sessions) -> None:
+    """Keep what is driven by now as that of today."""
+    with sessions.begin() as session:
+        session.execute(_NOTE)
+
+
+def growth(session: Session, days: int) -> list[dict[str, Any]]:
+    """What was driven at the end of each of so many days, by class of road; of today: now."""
+    return [dict(row._mapping) for row in session.execute(_GROWTH, {"days": days})]
