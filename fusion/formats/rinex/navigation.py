@@ -116,7 +116,7 @@ def _kepler(records: Records, notes: Notes) -> KeplerEphemerides:
         group_delay_s=delay,
         **column,
     )
-    return _without(out, _doubled(out, is_fnav))
+    return out.take(~_doubled(out, is_fnav))
 
 
 def _near(of_week_s: Floats, near_s: Floats) -> Floats:
@@ -162,10 +162,6 @@ def _doubled(kepler: KeplerEphemerides, is_fnav: Bools) -> Bools:
     better_ones = set(zip(kepler.number[better].tolist(), kepler.toe_s[better].tolist(), strict=True))
     rows = zip(is_fnav.tolist(), kepler.number.tolist(), kepler.toe_s.tolist(), strict=True)
     return np.array([fnav and (number, toe) in better_ones for fnav, number, toe in rows], bool)
-
-
-def _without(kepler: KeplerEphemerides, drop: Bools) -> KeplerEphemerides:
-    return KeplerEphemerides(**{name: column[~drop] for name, column in vars(kepler).items()})
 
 
 def _glonass(records: Records, notes: Notes) -> GlonassEphemerides:

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fusion.arrays import ColumnTable
 from fusion.formats.base import Notes
 from fusion.formats.rinex.header import Header
 from fusion.formats.rinex.lines import Lines, numbers, seconds_of
 from fusion.signals import GPS, SYSTEMS
-from fusion.types import Bools, Floats, Ints
+from fusion.types import Floats, Ints
 
 MOST_RECORD_LINES = 8
 _WIDTH = 19
@@ -35,7 +36,7 @@ MODERN_MESSAGE = "records of a kind that is not read (CNAV and the like)"
 
 
 @dataclass(frozen=True)
-class Records:
+class Records(ColumnTable):
     """Records as they stand in the file: ``system`` -1 where it is not read; ``time_s`` are seconds of the calendar.
 
     ``value`` (k, 8, 4) holds the numbers by line and place, NaN for blanks and missing lines; on the first line the
@@ -48,10 +49,6 @@ class Records:
     value: Floats
     line: Ints
     count: Ints
-
-    def take(self, keep: Bools) -> Records:
-        """Those that a mask selects."""
-        return Records(*(column[keep] for column in vars(self).values()))
 
 
 def find_records(lines: Lines, header: Header, notes: Notes) -> Records:

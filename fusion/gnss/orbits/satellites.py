@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fusion.arrays import ColumnTable
 from fusion.gnss.orbits.glonass import glonass_clock_s, glonass_states
 from fusion.gnss.orbits.kepler import kepler_clock_s, kepler_states
 from fusion.gnss.orbits.selection import choose_glonass, choose_kepler
@@ -20,7 +21,7 @@ GLONASS_CHANNEL_HZ = 562.5e3
 
 
 @dataclass(frozen=True)
-class SatelliteStates:
+class SatelliteStates(ColumnTable):
     """Satellites at their time of transmission, one row a signal; NaN where no record is known.
 
     ``position_m`` and ``velocity_mps`` (n, 3) in ECEF of that moment; ``clock_s`` (n,) is the clock's lead with
