@@ -25,7 +25,7 @@ from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
 from fusion.errors import FusionError
 from fusion.simulate.demonstration import Demonstration, write_all
-from fusion.simulate.write.truth_file import LEAST_DRIVEN_M
+from fusion.simulate.write.csv_file import LEAST_DRIVEN_M
 
 DRIVES, SEED, DURATION_S = 6, 1, 600.0
 """What is simulated; as ``versant simulate`` does by default."""

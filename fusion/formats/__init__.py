@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
-from fusion.formats.archive import Member, is_zip, members, shown_name
 from fusion.formats.base import LogFormat, Notes, refuse_many
-from fusion.formats.container import load, refuse
+from fusion.formats.container import Member, is_zip, load, members, refuse, shown_name
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.gpx import GpxFormat
 from fusion.formats.nmea import NmeaFormat
