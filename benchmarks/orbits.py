@@ -42,8 +42,7 @@ from accuracy.scoring import Row, rms, show_progress, text_table, write_json
 from accuracy.sequences import parser_of
 from fusion.gnss.orbits.glonass import glonass_states
 from fusion.gnss.orbits.kepler import kepler_states
-from fusion.gnss.orbits.satellites import states_at
-from fusion.gnss.orbits.selection import LIMIT_S
+from fusion.gnss.orbits.satellites import LIMIT_S, states_at
 from fusion.signals import GLONASS, LIGHT_MPS, SYSTEMS, Navigation, satellite_name
 from fusion.types import Floats, Ints
 from satellites.library import glonass_records, kepler_records, library_state, navigation_of

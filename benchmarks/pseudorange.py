@@ -32,10 +32,9 @@ import numpy as np
 from fusion.catalogue import SOLVERS
 from fusion.formats import read_logs
 from fusion.frames import geodetic
-from fusion.gnss.aids import aids_of
 from fusion.gnss.earth import ecef
 from fusion.gnss.measure import measure
-from fusion.gnss.measurements import Solution, Solver
+from fusion.gnss.measurements import Solution, Solver, aids_of
 from fusion.signals import WEEK_S, unix_from_gps
 from fusion.types import Floats, no_progress
 from published.positioning import smartloc

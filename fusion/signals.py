@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from fusion.arrays import Bools, Floats, Ints
+from fusion.arrays import Bools, ColumnTable, Floats, Ints
 
 SYSTEMS = "GRECJS"
 """Letters of the systems as RINEX has them; a system's number is its place here: GPS, GLONASS, Galileo, BeiDou, QZSS,
@@ -151,28 +151,36 @@ class Signals:
 
     def take_epochs(self, keep: Bools) -> Signals:
         """The epochs that a mask (m,) selects."""
-        rows = np.repeat(keep, np.diff(self.first))
-        counts = np.diff(self.first)[keep]
-        columns = {
-            spec.name: getattr(self, spec.name)[rows]
-            for spec in fields(self)
-            if spec.name not in ("gps_s", "first")
-        }
-        return Signals(gps_s=self.gps_s[keep], first=np.append(0, np.cumsum(counts)), **columns)
+        counts = np.diff(self.first)
+        return self._with(self.gps_s[keep], counts[keep], np.repeat(keep, counts))
 
     def take_rows(self, keep: Bools) -> Signals:
         """The rows that a mask (n,) selects; epochs stay, if without rows."""
-        counts = np.bincount(self.epoch[keep], minlength=len(self))
-        columns = {
-            spec.name: getattr(self, spec.name)[keep]
-            for spec in fields(self)
-            if spec.name not in ("gps_s", "first")
-        }
-        return Signals(gps_s=self.gps_s, first=np.append(0, np.cumsum(counts)), **columns)
+        return self._with(self.gps_s, np.bincount(self.epoch[keep], minlength=len(self)), keep)
+
+    def _with(self, gps_s: Floats, counts: Ints, rows: Bools) -> Signals:
+        """Epochs with so many rows each, those of this table that a mask selects."""
+        columns = {spec.name: getattr(self, spec.name)[rows] for spec in fields(self)[2:]}
+        return Signals(gps_s=gps_s, first=np.append(0, np.cumsum(counts)), **columns)
 
 
 @dataclass(frozen=True)
-class KeplerEphemerides:
+class _Ephemerides(ColumnTable):
+    @classmethod
+    def empty(cls) -> Self:
+        """Without any record."""
+        kinds = {"Ints": np.int64, "Bools": np.bool_}
+        shapes = dict.fromkeys(("position_m", "velocity_mps", "acceleration_mps2"), (0, 3))
+        return cls(
+            **{
+                spec.name: np.empty(shapes.get(spec.name, 0), kinds.get(str(spec.type), np.float64))
+                for spec in fields(cls)
+            }
+        )
+
+
+@dataclass(frozen=True)
+class KeplerEphemerides(_Ephemerides):
     """Broadcast ephemerides of GPS, Galileo, BeiDou and QZSS, one row a record, (k,) each; angles in radians.
 
     ``toe_s``, ``toc_s`` and ``sent_s`` (NaN where not stated) are GPS seconds, for BeiDou and Galileo too.
@@ -209,23 +217,9 @@ class KeplerEphemerides:
     af2_per_s: Floats
     group_delay_s: Floats
 
-    def __len__(self) -> int:
-        return len(self.system)
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Without any record."""
-        return cls(**{spec.name: np.empty(0, _kind_of(spec.name)) for spec in fields(cls)})
-
-    def joined(self, other: KeplerEphemerides) -> KeplerEphemerides:
-        """The records of both."""
-        return KeplerEphemerides(
-            **{s.name: np.concatenate([getattr(self, s.name), getattr(other, s.name)]) for s in fields(self)}
-        )
-
 
 @dataclass(frozen=True)
-class GlonassEphemerides:
+class GlonassEphemerides(_Ephemerides):
     """Broadcast states of GLONASS satellites in PZ-90 (taken for WGS 84: they agree to centimetres), one row a record.
 
     ``toe_s`` in GPS seconds; ``clock_s`` is what is to be added to the satellite's reading as RINEX has it (-TauN),
@@ -242,37 +236,6 @@ class GlonassEphemerides:
     position_m: Floats
     velocity_mps: Floats
     acceleration_mps2: Floats
-
-    def __len__(self) -> int:
-        return len(self.number)
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Without any record."""
-        return cls(
-            **{
-                s.name: np.empty(
-                    (0, 3) if s.name.startswith(("position", "veloc", "accel")) else 0, _kind_of(s.name)
-                )
-                for s in fields(cls)
-            }
-        )
-
-    def joined(self, other: GlonassEphemerides) -> GlonassEphemerides:
-        """The records of both."""
-        return GlonassEphemerides(
-            **{s.name: np.concatenate([getattr(self, s.name), getattr(other, s.name)]) for s in fields(self)}
-        )
-
-
-def _kind_of(name: str) -> type:
-    return {
-        "system": np.int64,
-        "number": np.int64,
-        "issue": np.int64,
-        "channel": np.int64,
-        "healthy": np.bool_,
-    }.get(name, np.float64)
 
 
 @dataclass(frozen=True)

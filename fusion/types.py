@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fusion.arrays import Bools as Bools  # noqa: PLC0414 - all of the library takes these from here
+from fusion.arrays import ColumnTable
 from fusion.arrays import Floats as Floats  # noqa: PLC0414
 from fusion.arrays import Ints as Ints  # noqa: PLC0414
 from fusion.signals import RawGnss
@@ -40,7 +40,7 @@ def no_progress(stage: str, share: float) -> None:
 
 
 @dataclass(frozen=True)
-class SensorTable:
+class SensorTable(ColumnTable):
     """One sensor's samples at its own rate: ``time_s`` strictly increasing, every column of that length."""
 
     time_s: Floats
@@ -55,9 +55,6 @@ class SensorTable:
             object.__setattr__(self, spec.name, column)
         if len(self.time_s) and not np.all(np.diff(self.time_s) > 0):
             raise ValueError(f"{type(self).__name__}.time_s must increase strictly")
-
-    def __len__(self) -> int:
-        return len(self.time_s)
 
     @classmethod
     def columns(cls) -> tuple[str, ...]:
@@ -96,10 +93,6 @@ class SensorTable:
                     repairs[f"{cls.__name__}: {what}"] += count
         keep = order[first]
         return cls(time_s=time_s[keep], **{n: c[keep] for n, c in table.items()})
-
-    def take(self, keep: NDArray[Any] | slice) -> Self:
-        """The samples selected by a mask, an increasing index array or a slice."""
-        return type(self)(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
 
     def has(self, *names: str) -> bool:
         """Whether each named column holds at least one finite value."""

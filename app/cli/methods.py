@@ -49,7 +49,7 @@ def catalogue() -> dict[str, Any]:
     from fusion.filters.resampling import RESAMPLERS
     from fusion.filters.triggers import TRIGGERS
     from fusion.formats import FORMATS
-    from fusion.simulate.receiver.profiles import RECEIVERS
+    from fusion.simulate.receiver.readings import RECEIVERS
     from fusion.terrain.windows import WINDOWS
 
     return {

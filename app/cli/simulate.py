@@ -34,8 +34,7 @@ def simulate(
     from fusion.simulate.demonstration import write_all
     from fusion.simulate.drive import simulate_drive
     from fusion.simulate.motion.routes import structures
-    from fusion.simulate.write.csv_file import write_csv
-    from fusion.simulate.write.truth_file import write_truth
+    from fusion.simulate.write.csv_file import write_csv, write_truth
 
     console: Console = ctx.obj
     with console.progress() as bars:
@@ -69,7 +68,7 @@ def simulate(
 
 
 def _check_receiver(receiver: str) -> None:
-    from fusion.simulate.receiver.profiles import RECEIVERS
+    from fusion.simulate.receiver.readings import RECEIVERS
 
     with naming("--receiver"):
         RECEIVERS[receiver]

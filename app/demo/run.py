@@ -30,7 +30,7 @@ from fusion.errors import FusionError
 from fusion.pipeline import parse_options
 from fusion.simulate.demonstration import Demonstration, write_all
 from fusion.simulate.scene.town import Town
-from fusion.simulate.write.truth_file import LEAST_DRIVEN_M
+from fusion.simulate.write.csv_file import LEAST_DRIVEN_M
 from fusion.terrain.dem import Dem
 
 DRIVES, SEED, DURATION_S = 6, 1, 600.0

@@ -15,8 +15,7 @@ from fusion.simulate.motion.vehicle import Driver
 from fusion.simulate.scene.heights import regression_slope
 from fusion.simulate.scene.plan import Kind
 from fusion.simulate.scene.segments import Way, node_ids, tabulate
-from fusion.simulate.scene.terrain import Terrain
-from fusion.simulate.scene.town import CENTRE_LAT_DEG, CENTRE_LON_DEG, Town
+from fusion.simulate.scene.town import CENTRE_LAT_DEG, CENTRE_LON_DEG, Terrain, Town
 from fusion.types import Floats
 
 _LONGEST_S = 3600.0

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
-from fusion.formats.archive import Member, is_zip, members, shown_name
-from fusion.formats.base import LogFormat, NamedColumnsFormat, NamedFileFormat, Notes, PartFormat, refuse_many
-from fusion.formats.container import load, refuse
+from fusion.formats.base import LogFormat, Notes, refuse_many
+from fusion.formats.container import Member, is_zip, load, members, refuse, shown_name
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.gpx import GpxFormat
 from fusion.formats.nmea import NmeaFormat
@@ -125,7 +124,7 @@ class _Job:
 def _read_single(name: str, data: bytes, job: _Job) -> DriveLog:
     """Read a file that holds a whole drive."""
     chosen = _format_of(data[:HEAD_BYTES], name, job.columns)
-    if job.columns and not isinstance(chosen, NamedColumnsFormat):
+    if job.columns and not chosen.has_named_columns:
         job.notes.warn(
             f"The names given for columns are not used: a {chosen.description} has no columns to name."
         )
@@ -138,9 +137,7 @@ def _format_of(head: bytes, name: str, columns: Mapping[str, str]) -> LogFormat:
     if chosen is None:
         supported = ", ".join(f"{f.description} ({', '.join(f.suffixes)})" for _, f in FORMATS.items())
         raise refuse(head, f"{supported}, each also gzipped, or several of one drive in a zip")
-    if isinstance(chosen, NamedColumnsFormat) and columns:
-        chosen = chosen.with_columns(columns)
-    return chosen.with_name(name) if isinstance(chosen, NamedFileFormat) else chosen
+    return chosen.with_columns(columns).with_name(name)
 
 
 def refuse_head(head: bytes, *, part: bool = False, columns: Mapping[str, str] | None = None) -> None:
@@ -149,16 +146,14 @@ def refuse_head(head: bytes, *, part: bool = False, columns: Mapping[str, str] |
     ``UnknownFormatError`` if they are of no log, ``MalformedLogError`` if a header lacks what it must have; ``part``:
     the file may be one of several of a drive. Says nothing of a log that is broken or empty farther on.
     """
-    chosen = _format_of(head, "", columns or {})
-    if isinstance(chosen, NamedColumnsFormat):
-        chosen.refuse_header(head, part=part)
+    _format_of(head, "", columns or {}).refuse_header(head, part=part)
 
 
 def _read_as(chosen: LogFormat, data: bytes, progress: Progress, navigation: Navigation | None) -> DriveLog:
     """Read bytes by a format; as a part of a drive if the ``navigation`` of the other parts is given."""
     try:
         progress(f"read {chosen.name}", 0.0)
-        if navigation is not None and isinstance(chosen, PartFormat):
+        if navigation is not None:
             return chosen.read_part(data, progress, navigation)
         return chosen.read(data, progress)
     except MemoryError as error:
@@ -190,7 +185,8 @@ def _read_bundle(members: list[Member], job: _Job) -> DriveLog:
     files = _recognise_files(members, job, errors)
     parts: list[Part] = []
     navigation = Navigation()
-    for file in sorted(files, key=lambda one: not one.comes_first):
+    # other files are read better once those that come first have been
+    for file in sorted(files, key=lambda one: not one.format.comes_first(one.data[:HEAD_BYTES])):
         try:
             log = _with_notes(_read_as(file.format, file.data, progress, navigation), file.notes)
         except (EmptyLogError, MalformedLogError) as error:
@@ -218,11 +214,6 @@ class _File:
     format: LogFormat
     data: bytes
     notes: Notes
-
-    @property
-    def comes_first(self) -> bool:
-        """Whether other files are read better once this one has been read."""
-        return isinstance(self.format, PartFormat) and self.format.comes_first(self.data[:HEAD_BYTES])
 
 
 def _recognise_files(members: list[Member], job: _Job, errors: list[LogError]) -> list[_File]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, Self, runtime_checkable
+from typing import Self
 
 import numpy as np
 
@@ -41,96 +41,63 @@ OUT_OF_ORDER = "GnssFix: out of order"
 """What ``GnssFix.assemble`` counts; read here to say it in words."""
 
 
-class LogFormat(Protocol):
+class LogFormat:
     """One kind of log file. Formats recognise content, never names, and refuse each other's samples."""
 
-    @property
-    def name(self) -> str:
-        """As in ``DriveLog.source_format`` and the registry."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """What error messages call it."""
-        ...
-
-    @property
-    def suffixes(self) -> tuple[str, ...]:
-        """Usual endings of file names, for help texts only."""
-        ...
-
-    @property
-    def altitude_advice(self) -> str:
-        """One sentence: what a person with such a device or app does so that altitudes are recorded."""
-        ...
-
-    @property
-    def doppler_advice(self) -> str:
-        """One sentence: what such a person does so that the vertical Doppler velocity is, or what to use instead."""
-        ...
+    name: str
+    """As in ``DriveLog.source_format`` and the registry."""
+    description: str
+    """What error messages call it."""
+    suffixes: tuple[str, ...]
+    """Usual endings of file names, for help texts only."""
+    altitude_advice: str
+    """One sentence: what a person with such a device or app does so that altitudes are recorded."""
+    doppler_advice: str
+    """One sentence: what such a person does so that the vertical Doppler velocity is, or what to use instead."""
+    has_named_columns = False
+    """Whether its columns have names that a person may have to explain."""
 
     def recognises(self, head: bytes) -> bool:
         """Whether the first bytes (up to ``HEAD_BYTES``, or the whole file) look like this format."""
-        ...
+        raise NotImplementedError
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """Read the whole file; raises ``LogError``, nothing else."""
-        ...
-
-
-@runtime_checkable
-class PartFormat(LogFormat, Protocol):
-    """A format whose files may hold a part of a drive only, to be read together with others."""
+        raise NotImplementedError
 
     def comes_first(self, head: bytes) -> bool:
         """Whether other parts of the same drive can be read better once this file has been."""
-        ...
-
-    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
-        """As ``read``, but a log without any position is given too; ``navigation`` is that of the parts before."""
-        ...
-
-
-class EitherWay:
-    """Reads a file that is all there is of its drive, and one that is a part of it, by one method."""
-
-    def read(self, data: Data, progress: Progress) -> DriveLog:
-        """See ``LogFormat``."""
-        return self.read_file(data, progress, part=False)
-
-    def comes_first(self, head: bytes) -> bool:
-        """See ``PartFormat``."""
         return False
 
     def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
-        """See ``PartFormat``."""
-        return self.read_file(data, progress, part=True)
+        """As ``read``, one of several files of a drive; ``navigation`` is that of the files before.
 
-    def read_file(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
-        """Read the file; a ``part`` of a drive may lack positions. Raises ``LogError``."""
-        raise NotImplementedError
-
-
-@runtime_checkable
-class NamedColumnsFormat(LogFormat, Protocol):
-    """A format whose columns have names that a person may have to explain, and whose header tells what it lacks."""
+        Formats whose files may hold a part of a drive only give a log without any position too.
+        """
+        return self.read(data, progress)
 
     def with_columns(self, columns: Mapping[str, str]) -> Self:
         """The same format, knowing which column of ours is which of the header's."""
-        ...
+        return self
 
     def refuse_header(self, head: bytes, *, part: bool) -> None:
         """Raise the ``LogError`` that reading would raise because of the header, where there is one."""
-        ...
-
-
-@runtime_checkable
-class NamedFileFormat(LogFormat, Protocol):
-    """A format of several files in which only a file's name tells what its columns are of."""
 
     def with_name(self, name: str) -> Self:
-        """The same format, knowing what the file is called."""
-        ...
+        """The same format, knowing what the file is called: only that may tell what its columns are of."""
+        return self
+
+
+class EitherWay(LogFormat):
+    """Reads a file that is all there is of its drive, and one that is a part of it, by one method."""
+
+    def read(self, data: Data, progress: Progress, *, part: bool = False) -> DriveLog:
+        """Read the file; a ``part`` of a drive may lack positions. Raises ``LogError``."""
+        raise NotImplementedError
+
+    def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
+        """See ``LogFormat``."""
+        return self.read(data, progress, part=True)
 
 
 @dataclass

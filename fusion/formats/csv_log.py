@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -101,26 +101,24 @@ class _SpeedUnit:
 
 @dataclass(frozen=True)
 class NamedColumnsCsv(EitherWay):
-    """What CSVs have in common of which a person may say what their ``columns`` are (``NamedColumnsFormat``)."""
+    """What CSVs have in common of which a person may say what their ``columns`` are (``LogFormat.with_columns``)."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
-
-    name: ClassVar[str]
-    description: ClassVar[str]
+    has_named_columns = True
 
     def schema(self, *, part: bool) -> Schema:
         """The columns that a file may have and must have, one that is a ``part`` of a drive too."""
         raise NotImplementedError
 
     def with_columns(self, columns: Mapping[str, str]) -> Self:
-        """See ``NamedColumnsFormat``."""
+        """See ``LogFormat``."""
         return replace(self, columns=columns)
 
     def refuse_header(self, head: bytes, *, part: bool) -> None:
-        """See ``NamedColumnsFormat``."""
+        """See ``LogFormat``."""
         understood_header(text_head(head), self.schema(part=part))
 
-    def read_file(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+    def read(self, data: Data, progress: Progress, *, part: bool = False) -> DriveLog:
         """See ``EitherWay``."""
         return _read_rows(data, progress, self.schema(part=part), self.name, self.description)
 

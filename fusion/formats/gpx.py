@@ -19,7 +19,7 @@ import re
 import numpy as np
 
 from fusion.errors import EmptyLogError
-from fusion.formats.base import Data, Notes, build_log, fix_and_velocity, usable_positions
+from fusion.formats.base import Data, LogFormat, Notes, build_log, fix_and_velocity, usable_positions
 from fusion.formats.xml_points import Layout, Points, read_points
 from fusion.types import Bools, DriveLog, Floats, Odometry, Progress, SensorTable
 
@@ -41,7 +41,7 @@ LAYOUT = Layout(
 )  # fmt: skip
 
 
-class GpxFormat:
+class GpxFormat(LogFormat):
     """GPX tracks of any program; routes and waypoints are no drives."""
 
     name = "gpx"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fusion.formats.base import Data
+from fusion.formats.base import Data, LogFormat
 from fusion.formats.receiver.nmea_sentences import looks_like_nmea
 from fusion.formats.receiver.stream import read_stream
 from fusion.formats.ubx import UbxFormat
@@ -10,7 +10,7 @@ from fusion.formats.ucenter import looks_like_dump
 from fusion.types import DriveLog, Progress
 
 
-class NmeaFormat:
+class NmeaFormat(LogFormat):
     """Recognised by a sentence; UBX files and u-center dumps may hold sentences too and come first."""
 
     name = "nmea"

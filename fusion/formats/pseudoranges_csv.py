@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from fusion.errors import EmptyLogError
-from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Data, Notes, build_log
+from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Data, LogFormat, Notes, build_log
 from fusion.formats.csv_cells import Block, read_blocks
 from fusion.formats.csv_header import (
     Schema,
@@ -62,7 +62,7 @@ def _lacking(header: Collection[str]) -> list[str]:
 SCHEMA = Schema(COLUMNS, _lacking, frozenset({"system", "sv"}))
 
 
-class PseudorangesCsvFormat:
+class PseudorangesCsvFormat(LogFormat):
     """Recognised by ``pseudorange_m`` in the header line."""
 
     name = "pseudoranges-csv"

@@ -15,7 +15,16 @@ from pyarrow import compute as pc
 from pyarrow import csv
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import GPS_EPOCH_S, WEEK_S, Data, Notes, build_log, positive, usable_positions
+from fusion.formats.base import (
+    GPS_EPOCH_S,
+    WEEK_S,
+    Data,
+    LogFormat,
+    Notes,
+    build_log,
+    positive,
+    usable_positions,
+)
 from fusion.formats.time_texts import times_of
 from fusion.frames import geodetic
 from fusion.signals import unix_from_gps
@@ -44,7 +53,7 @@ class _Header:
     geodetic: bool
 
 
-class RtklibPosFormat:
+class RtklibPosFormat(LogFormat):
     """Recognised by the comment that names the columns."""
 
     name = "rtklib-pos"

@@ -12,7 +12,7 @@ import re
 import numpy as np
 
 from fusion.errors import EmptyLogError
-from fusion.formats.base import Data, Notes, build_log, usable_positions
+from fusion.formats.base import Data, LogFormat, Notes, build_log, usable_positions
 from fusion.formats.xml_points import Layout, Points, read_points
 from fusion.types import Bools, DriveLog, Floats, GnssFix, Odometry, Progress
 
@@ -33,7 +33,7 @@ LAYOUT = Layout(
 )  # fmt: skip
 
 
-class TcxFormat:
+class TcxFormat(LogFormat):
     """TCX activities of any program; courses and workouts are no drives."""
 
     name = "tcx"

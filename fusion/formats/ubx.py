@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from fusion.formats.base import Data
+from fusion.formats.base import Data, LogFormat
 from fusion.formats.receiver.stream import read_stream
 from fusion.formats.receiver.ubx_frames import SYNC, find_frames
 from fusion.types import DriveLog, Progress
 
 
-class UbxFormat:
+class UbxFormat(LogFormat):
     """Recognised by one intact message anywhere in the head, or by sync bytes at the very start."""
 
     name = "ubx"

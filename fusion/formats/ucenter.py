@@ -17,7 +17,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 
 from fusion.errors import EmptyLogError
-from fusion.formats.base import Data, Notes
+from fusion.formats.base import Data, LogFormat, Notes
 from fusion.formats.receiver.stream import read_stream
 from fusion.formats.receiver.ubx_frames import frame
 from fusion.types import DriveLog, Progress
@@ -51,7 +51,7 @@ def looks_like_dump(head: bytes) -> bool:
     return any(pattern.search(head) for pattern in (_LISTED, _BODY, _CONSOLE))
 
 
-class UCenterFormat:
+class UCenterFormat(LogFormat):
     """Text that u-center (or a tool like it) made of a UBX file."""
 
     name = "u-center"

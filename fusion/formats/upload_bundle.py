@@ -8,14 +8,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Notes
 from fusion.signals import Navigation, RawGnss, Signals
-from fusion.types import DeviceMotion, DriveLog, Floats, SensorTable, ThreeAxes
+from fusion.types import DeviceMotion, DriveLog, SensorTable, ThreeAxes
+
+Table = TypeVar("Table", bound=SensorTable | Signals)
+Sensor = TypeVar("Sensor", bound=SensorTable)
 
 
 @dataclass(frozen=True)
@@ -33,20 +36,14 @@ def join(parts: Sequence[Part], notes: Notes) -> DriveLog:
     more samples is used, with a warning.
     """
     tables: dict[str, Any] = {}
-    geoid = "unknown"
-    for sensor in DriveLog.SENSORS:
-        having = [(part, part.log.tables()[sensor]) for part in parts if len(part.log.tables()[sensor])]
-        used = _not_overlapping([(part, table.time_s, len(table)) for part, table in having], sensor, notes)
-        chosen = [(part, table) for part, table in having if part in used]
-        if chosen:
-            chosen.sort(key=lambda pair: pair[1].time_s[0])
-            tables[sensor] = _follow([table for _, table in chosen])
-            geoid = chosen[0][0].log.geoid if sensor == "fix" else geoid
+    first, geoid = parts[0].log, "unknown"
+    for sensor, own in first.tables().items():
+        chosen = _not_overlapping([(part, part.log.tables()[sensor]) for part in parts], sensor, notes)
+        tables[sensor] = _follow(chosen) if chosen else type(own).empty()
+        geoid = chosen[0][0].log.geoid if sensor == "fix" and chosen else geoid
     raw = _raw(parts, notes)
-    if "fix" not in tables and (raw is None or not len(raw.signals)):
+    if not len(tables["fix"]) and (raw is None or not len(raw.signals)):
         _refuse(parts)
-    first = parts[0].log
-    tables = {sensor: tables.get(sensor, type(table).empty()) for sensor, table in first.tables().items()}
     return replace(
         first,
         source_format="+".join(dict.fromkeys(part.log.source_format for part in parts)),
@@ -65,13 +62,11 @@ def join(parts: Sequence[Part], notes: Notes) -> DriveLog:
 
 
 def _device(parts: Sequence[Part], notes: Notes) -> DeviceMotion:
-    joined: dict[str, SensorTable] = {}
+    joined = {}
     for name in DeviceMotion().tables():
-        having = [(part, table) for part in parts if len(table := part.log.device.tables()[name])]
-        used = _not_overlapping([(part, table.time_s, len(table)) for part, table in having], name, notes)
-        chosen = sorted((t for part, t in having if part in used), key=lambda t: float(t.time_s[0]))
-        joined[name] = _follow(list(chosen)) if chosen else ThreeAxes.empty()
-    return DeviceMotion(**joined)  # type: ignore[arg-type]
+        chosen = _not_overlapping([(part, part.log.device.tables()[name]) for part in parts], name, notes)
+        joined[name] = _follow(chosen) if chosen else ThreeAxes.empty()
+    return DeviceMotion(**joined)
 
 
 def _refuse(parts: Sequence[Part]) -> None:
@@ -87,46 +82,44 @@ def _refuse(parts: Sequence[Part]) -> None:
     )
 
 
-def _not_overlapping(having: list[tuple[Part, Floats, int]], what: str, notes: Notes) -> list[Part]:
-    """The parts to use, the fullest first; one that overlaps in time with a fuller one is left out with a warning."""
-    used: list[tuple[Part, Floats, int]] = []
-    for part, time_s, count in sorted(having, key=lambda one: -one[2]):
-        rival = next((u for u in used if time_s[0] <= u[1][-1] and u[1][0] <= time_s[-1]), None)
+def _not_overlapping(tables: list[tuple[Part, Table]], what: str, notes: Notes) -> list[tuple[Part, Table]]:
+    """The tables to use, in the order of time; one that overlaps with a fuller one is left out with a warning."""
+    used: list[tuple[Part, Table]] = []
+    for part, table in sorted(tables, key=lambda one: -len(one[1])):
+        if not len(table):
+            break
+        time_s = table.time_s
+        rival = next((u for u in used if time_s[0] <= u[1].time_s[-1] and u[1].time_s[0] <= time_s[-1]), None)
         if rival is None:
-            used.append((part, time_s, count))
+            used.append((part, table))
         else:
             notes.warn(
-                f"{part.name} and {rival[0].name} both have {what} for the same times: the {rival[2]} of "
-                f"{rival[0].name} are used, the {count} of {part.name} are not."
+                f"{part.name} and {rival[0].name} both have {what} for the same times: the {len(rival[1])} of "
+                f"{rival[0].name} are used, the {len(table)} of {part.name} are not."
             )
-    return [part for part, _, _ in used]
+    return sorted(used, key=lambda one: float(one[1].time_s[0]))
 
 
-def _follow(tables: list[SensorTable]) -> SensorTable:
-    kind = type(tables[0])
-    return kind(
-        **{f.name: np.concatenate([getattr(table, f.name) for table in tables]) for f in fields(kind)}
-    )
+def _follow(chosen: list[tuple[Part, Sensor]]) -> Sensor:
+    (_, first), *others = chosen
+    return first.joined(*(table for _, table in others))
 
 
 def _raw(parts: Sequence[Part], notes: Notes) -> RawGnss | None:
     bringing = [(part, part.log.raw) for part in parts if part.log.raw is not None]
     if not bringing:
         return None
-    having = [(part, raw.signals) for part, raw in bringing if len(raw.signals)]
-    used = _not_overlapping([(part, s.time_s, len(s)) for part, s in having], "raw measurements", notes)
-    signals = _signals([s for part, s in having if part in used])
+    measured = _not_overlapping([(part, raw.signals) for part, raw in bringing], "raw measurements", notes)
     navigation = Navigation()
     for _, raw in bringing:
         navigation = navigation.joined(raw.navigation)
-    return RawGnss(signals, navigation)
+    return RawGnss(_signals([signals for _, signals in measured]), navigation)
 
 
 def _signals(parts: list[Signals]) -> Signals:
     """One table of those that follow each other."""
     if not parts:
         return Signals.empty()
-    parts = sorted(parts, key=lambda s: float(s.gps_s[0]))
     counts = np.concatenate([np.diff(s.first) for s in parts])
     columns = {
         f.name: np.concatenate([getattr(s, f.name) for s in parts])

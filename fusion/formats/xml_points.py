@@ -16,7 +16,7 @@ import numpy as np
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes, refuse_many
-from fusion.formats.plain_times import unix_seconds
+from fusion.formats.time_texts import unix_seconds
 from fusion.types import Floats, Ints, Progress
 
 NAN = float("nan")

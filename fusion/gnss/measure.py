@@ -6,7 +6,7 @@ What is left out is counted by reason, and what a driver can do about it is said
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,7 +74,8 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
     if not np.isfinite(places).all():
         if len(signals.system) or not warnings:
             warnings.append(_NO_PLACE)
-        signals, states = _selected(signals, states, np.zeros(len(signals.system), bool))
+        nothing = np.zeros(len(signals.system), bool)
+        signals, states = signals.take_rows(nothing), states.take(nothing)
         group, pseudorange_m = group[:0], pseudorange_m[:0]
     sky = _sky_from(places[signals.epoch], states)
     if not brought:
@@ -113,7 +114,8 @@ def _with_satellites(raw: RawGnss, signals: Signals, counts: Counter[str]) -> tu
     )
     _count(counts, "no ephemeris", ~states.known)
     _count(counts, "unhealthy", states.known & ~states.healthy)
-    return _selected(signals, states, states.known & states.healthy)
+    keep = states.known & states.healthy
+    return signals.take_rows(keep), states.take(keep)
 
 
 def _groups(system: Ints) -> tuple[Ints, tuple[str, ...]]:
@@ -244,11 +246,6 @@ def _finished(
         warnings=tuple(warnings),
         counts=dict(counts),
     )
-
-
-def _selected(signals: Signals, states: SatelliteStates, keep: Bools) -> tuple[Signals, SatelliteStates]:
-    chosen = SatelliteStates(**{spec.name: getattr(states, spec.name)[keep] for spec in fields(states)})
-    return signals.take_rows(keep), chosen
 
 
 def _medians(values: Floats, label: Ints, labels: int) -> Floats:

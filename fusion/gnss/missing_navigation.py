@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from fusion.gnss.orbits.selection import LIMIT_S
+from fusion.gnss.orbits.satellites import LIMIT_S
 from fusion.signals import GLONASS, SBAS, WEEK_S, Navigation, Signals, unix_from_gps
 from fusion.types import Floats
 

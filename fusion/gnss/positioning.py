@@ -15,11 +15,18 @@ from pydantic import BaseModel, ValidationError
 
 from fusion.errors import BadOptionsError, EmptyLogError, LogError, MissingSensorError
 from fusion.frames import geodetic
-from fusion.gnss.aids import aids_of, with_heights
 from fusion.gnss.doppler import doppler_velocities
 from fusion.gnss.earth import local_axes
 from fusion.gnss.measure import measure
-from fusion.gnss.measurements import Aids, Measurements, Solution, Solver, SolverOptions
+from fusion.gnss.measurements import (
+    Aids,
+    Measurements,
+    Solution,
+    Solver,
+    SolverOptions,
+    aids_of,
+    with_heights,
+)
 from fusion.options import Named, OptionsModel
 from fusion.registry import DEFAULT_POSITIONING, Registry
 from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Progress, no_progress

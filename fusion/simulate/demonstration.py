@@ -12,10 +12,9 @@ import numpy as np
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.motion.routes import structures
 from fusion.simulate.scene.town import Town, make_town
-from fusion.simulate.write.csv_file import write_csv
+from fusion.simulate.write.csv_file import write_csv, write_truth
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
-from fusion.simulate.write.truth_file import write_truth
 from fusion.simulate.write.ubx_file import write_ubx
 from fusion.types import Progress, no_progress
 

@@ -15,8 +15,15 @@ from numpy.typing import NDArray
 
 from fusion.simulate.motion.routes import Route, plan_route
 from fusion.simulate.motion.vehicle import Driver, Motion, MotionState, move
-from fusion.simulate.receiver.profiles import RECEIVERS, Mounting, ReceiverProfile
-from fusion.simulate.receiver.readings import GnssReadings, InertialReadings, observe_gnss, observe_inertial
+from fusion.simulate.receiver.readings import (
+    RECEIVERS,
+    GnssReadings,
+    InertialReadings,
+    Mounting,
+    ReceiverProfile,
+    observe_gnss,
+    observe_inertial,
+)
 from fusion.simulate.receiver.wheels import WheelReadings, WheelSet, observe_wheels
 from fusion.simulate.scene.town import Town
 from fusion.types import Floats, Ints

@@ -23,7 +23,7 @@ from fusion.published.particle import method as particle
 from fusion.roads.network import RoadNetwork
 from fusion.simulate.drive import SimulatedDrive
 from fusion.simulate.motion.vehicle import MotionState
-from fusion.simulate.receiver.profiles import RECEIVERS
+from fusion.simulate.receiver.readings import RECEIVERS
 from fusion.simulate.write.csv_file import write_csv
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Ints, no_progress

@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats.base import Data, Notes, build_log, ground_velocity, usable_positions
+from fusion.formats.base import Data, LogFormat, Notes, build_log, ground_velocity, usable_positions
 from fusion.formats.fit.messages import HEAD_BYTES, MAGIC, FitFile, read_files
 from fusion.frames import GRAVITY_MPS2
 from fusion.types import (
@@ -62,7 +62,7 @@ UNRECORDED = {
 EXPORT = "Upload the recorded activity, as the device or its app exports it."
 
 
-class FitFormat:
+class FitFormat(LogFormat):
     """Recognised by ``.FIT`` in the header."""
 
     name = "fit"

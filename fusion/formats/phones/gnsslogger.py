@@ -87,7 +87,7 @@ class GnssLoggerFormat(EitherWay):
         """See ``LogFormat``."""
         return has_log_header(head)
 
-    def read_file(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+    def read(self, data: Data, progress: Progress, *, part: bool = False) -> DriveLog:
         """See ``EitherWay``."""
         notes = Notes()
         lines = LogLines(bytes(data))

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fusion.arrays import ColumnTable
 from fusion.types import AngularRate, Bools, DeviceMotion, DriveLog, Floats, Ints, SpecificForce, ThreeAxes
 
 STANDARD_GRAVITY = 9.80665
@@ -164,16 +165,13 @@ def _axes(up: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Changes:
+class _Changes(ColumnTable):
     """Accelerations by GNSS between instants: ``felt`` is forward + 1j * left, m/s2; ``turn_radps`` anticlockwise."""
 
     begin_s: Floats
     end_s: Floats
     felt: np.ndarray[tuple[int], np.dtype[np.complex128]]
     turn_radps: Floats
-
-    def take(self, keep: Bools) -> _Changes:
-        return _Changes(self.begin_s[keep], self.end_s[keep], self.felt[keep], self.turn_radps[keep])
 
 
 def _changes(log: DriveLog) -> _Changes:

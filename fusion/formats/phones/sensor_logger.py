@@ -88,10 +88,10 @@ class SensorLoggerFormat(EitherWay):
         return is_sensor_logger(first_line(text_head(head))[2])
 
     def with_name(self, name: str) -> Self:
-        """See ``NamedFileFormat``."""
+        """See ``LogFormat``."""
         return replace(self, file=PurePath(name.lower().removesuffix(".gz")).stem)
 
-    def read_file(self, data: Data, progress: Progress, *, part: bool) -> DriveLog:
+    def read(self, data: Data, progress: Progress, *, part: bool = False) -> DriveLog:
         """See ``EitherWay``."""
         notes = Notes()
         text = from_utf16(bytes(data))

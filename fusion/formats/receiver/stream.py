@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes, Place, build_log
-from fusion.formats.receiver import nmea_epochs, ubx_navigation, ubx_older, ubx_raw, ubx_subframes
+from fusion.formats.receiver import nmea_sentences, ubx_navigation, ubx_older, ubx_raw, ubx_subframes
 from fusion.formats.receiver.nmea_sentences import WRONG_CHECKSUM
 from fusion.formats.receiver.ubx_frames import SYNC, Frames, find_frames, without_frames
 from fusion.signals import RawGnss
@@ -35,10 +35,10 @@ def read_stream(
     where = place or _default_place(data, frames)
     _count_broken(frames, notes, where)
     _warn_of_cut(data, frames, notes, where)
-    content = nmea_epochs.NmeaContent.none()
+    content = nmea_sentences.NmeaContent.none()
     text = without_frames(data, frames)
     if b"$" in text:
-        content = nmea_epochs.read_sentences(
+        content = nmea_sentences.read_sentences(
             text, notes, where, lambda share: progress("read sentences", share)
         )
     del text
@@ -96,10 +96,10 @@ def _warn_of_cut(data: Data, frames: Frames, notes: Notes, where: Place) -> None
 
 
 def _merge(
-    data: Data, frames: Frames, content: nmea_epochs.NmeaContent, notes: Notes, where: Place
+    data: Data, frames: Frames, content: nmea_sentences.NmeaContent, notes: Notes, where: Place
 ) -> tuple[dict[str, SensorTable], str, RawGnss | None]:
     if not len(frames):
-        return dict(content.tables), nmea_epochs.GEOID, None
+        return dict(content.tables), nmea_sentences.GEOID, None
     stream = ubx_navigation.Stream.decode(data, frames, notes)
     raw = ubx_subframes.read_raw(stream, notes, where)
     no_positions = {ubx_raw.RAWX, ubx_subframes.SFRBX, *ubx_older.NO_POSITIONS}
@@ -107,7 +107,7 @@ def _merge(
         notes.first_offender = notes.first_offender or f"the file holds only {stream.inventory()}"
     notes.dated_after_all()  # undated sentences do not matter beside dated messages
     tables = ubx_navigation.ubx_tables(stream, content.marks, content.dated, notes, where)
-    geoid = ubx_navigation.GEOID if "fix" in tables else nmea_epochs.GEOID
+    geoid = ubx_navigation.GEOID if "fix" in tables else nmea_sentences.GEOID
     if "fix" not in tables and len(content.tables) and not content.dated:
         notes.undated()
     both = [name for name in content.tables if name in tables]

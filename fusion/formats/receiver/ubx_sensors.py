@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from fusion.arrays import ColumnTable
 from fusion.formats.base import Data, Notes
 from fusion.formats.receiver.time_tags import MEAS_HZ, RAW_HZ, Marks, align
 from fusion.formats.receiver.ubx_frames import Frames
@@ -38,7 +39,7 @@ _CALIBRATED = 2
 
 
 @dataclass(frozen=True)
-class Samples:
+class Samples(ColumnTable):
     """Data words of one counter in stream order; all (n,). ``offset`` is the message's first byte."""
 
     tick: Ints
@@ -116,7 +117,7 @@ def _sound(samples: Samples, status: SensorStatus, notes: Notes) -> Samples:
     """The samples of which the receiver does not say that their sensor was at fault."""
     spoilt = status.spoils(samples.data_type, samples.offset)
     notes.skip("sensor readings that the receiver marks as faulty", int(spoilt.sum()))
-    return _take(samples, np.flatnonzero(~spoilt))
+    return samples.take(~spoilt)
 
 
 def _better(table: type[Table], names: tuple[str, ...], means: list[Timed], raws: list[Timed]) -> Table:
@@ -163,15 +164,15 @@ def measurements(data: Data, frames: Frames) -> list[Samples]:
         ids.append(np.repeat(records["id"].astype(np.int64), words)[flat])
     if not parts:
         return []
-    samples, sensor = _concatenate(parts), np.concatenate(ids)
+    samples, sensor = parts[0].joined(*parts[1:]), np.concatenate(ids)
     order = np.lexsort((samples.offset, sensor))
     edges = np.flatnonzero(np.diff(sensor[order])) + 1
-    return [_take(samples, piece) for piece in np.split(order, edges) if len(piece)]
+    return [samples.take(piece) for piece in np.split(order, edges) if len(piece)]
 
 
 def raw_samples(data: Data, frames: Frames) -> Samples:
     """The words of all ESF-RAW messages."""
-    parts = []
+    parts = [Samples(*[np.empty(0, np.int64)] * 4)]
     mine = frames.kind == ESF_RAW
     for length in np.unique(frames.length[mine & (frames.length >= 12)]):
         start = frames.start[mine & (frames.length == length)]
@@ -182,17 +183,8 @@ def raw_samples(data: Data, frames: Frames) -> Samples:
         parts.append(
             Samples(block["tag"].astype(np.int64), word & 0xFFFFFF, word >> 24, np.repeat(start, words))
         )
-    records = _concatenate(parts)
-    return _take(records, np.argsort(records.offset, kind="stable"))
-
-
-def _take(samples: Samples, index: Ints) -> Samples:
-    return Samples(samples.tick[index], samples.word[index], samples.data_type[index], samples.offset[index])
-
-
-def _concatenate(parts: list[Samples]) -> Samples:
-    names = ("tick", "word", "data_type", "offset")
-    return Samples(*(np.concatenate([np.empty(0, np.int64), *(getattr(p, n) for p in parts)]) for n in names))
+    samples = parts[0].joined(*parts[1:])
+    return samples.take(np.argsort(samples.offset, kind="stable"))
 
 
 def read_status(data: Data, frames: Frames) -> SensorStatus:

@@ -116,7 +116,7 @@ def _possible(states: GlonassEphemerides, notes: Notes) -> GlonassEphemerides:
     possible = (apart > _GLONASS_RADIUS_M[0]) & (apart < _GLONASS_RADIUS_M[1])
     possible &= (states.channel >= -7) & (states.channel <= 6)
     notes.skip(IMPOSSIBLE, int(np.count_nonzero(~possible)))
-    return GlonassEphemerides(**{s.name: getattr(states, s.name)[possible] for s in fields(states)})
+    return states.take(possible)
 
 
 def _sound_and_once(kepler: KeplerEphemerides, notes: Notes) -> KeplerEphemerides:
@@ -129,4 +129,4 @@ def _sound_and_once(kepler: KeplerEphemerides, notes: Notes) -> KeplerEphemeride
     names = [spec.name for spec in fields(kepler) if spec.name != "sent_s"]
     table = np.column_stack([np.nan_to_num(getattr(kepler, name)[order].astype(float)) for name in names])
     order = order[np.sort(np.unique(table, axis=0, return_index=True)[1])]
-    return KeplerEphemerides(**{s.name: getattr(kepler, s.name)[order] for s in fields(kepler)})
+    return kepler.take(order)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fusion.errors import EmptyLogError
-from fusion.formats.base import Data
+from fusion.formats.base import Data, LogFormat
 from fusion.formats.rinex.compact import is_compact
 from fusion.signals import Navigation
 from fusion.types import DriveLog, Progress
@@ -12,7 +12,7 @@ _LABEL = b"RINEX VERSION / TYPE"
 _FIRST_LINE_BYTES = 200
 
 
-class RinexFormat:
+class RinexFormat(LogFormat):
     """Recognised by the label of the first line."""
 
     name = "rinex"
@@ -34,7 +34,7 @@ class RinexFormat:
         return is_compact(head) or (_LABEL in line and of_text)
 
     def comes_first(self, head: bytes) -> bool:
-        """See ``PartFormat``: navigation data name the channels of GLONASS satellites, without which no Doppler."""
+        """See ``LogFormat``: navigation data name the channels of GLONASS satellites, without which no Doppler."""
         line = _first_line(head)
         return not is_compact(head) and line[20:21] not in (b"O", b"o")
 
@@ -49,7 +49,7 @@ class RinexFormat:
         return log
 
     def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
-        """See ``PartFormat``."""
+        """See ``LogFormat``."""
         # The service, which only needs to know formats, shall not load a compiler for this one.
         from fusion.formats.rinex.reading import read_file  # noqa: PLC0415
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.gnss.error_models.base import Series
-from fusion.gnss.error_models.law import ErrorLaw
+from fusion.gnss.error_models.base import ErrorLaw, Series
 from fusion.gnss.reception import WINDOW_S
 from fusion.types import Floats
 

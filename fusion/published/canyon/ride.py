@@ -15,7 +15,7 @@ from fusion.frames import LocalProjection
 from fusion.gnss.earth import ecef
 from fusion.signals import gps_from_unix
 from fusion.simulate.drive import SimulatedDrive
-from fusion.simulate.scene.terrain import GEOID_UNDULATION_M
+from fusion.simulate.scene.town import GEOID_UNDULATION_M
 from fusion.types import Floats
 
 ANTENNA_M = 1.5

@@ -15,8 +15,7 @@ import numpy as np
 
 from fusion.compiled import compiled
 from fusion.filters.resampling import normalised, systematic
-from fusion.gnss.error_models.base import Series
-from fusion.gnss.error_models.law import ErrorLaw
+from fusion.gnss.error_models.base import ErrorLaw, Series
 from fusion.gnss.reception import LOS
 from fusion.types import Bools, Floats, Ints
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from fusion.errors import FusionError
-from fusion.gnss.error_models.law import ErrorLaw
+from fusion.gnss.error_models.base import ErrorLaw
 from fusion.published.positioning.gmm import FLOOR_M2, fit, start
 from fusion.registry import unknown_name
 from fusion.types import Floats

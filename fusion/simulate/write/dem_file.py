@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from rasterio import Affine
 from scipy.ndimage import gaussian_filter
 
-from fusion.simulate.scene.terrain import HALF_SIZE_M
-from fusion.simulate.scene.town import Town
+from fusion.simulate.scene.town import HALF_SIZE_M, Town
 from fusion.types import Floats
 
 POSTING_DEG = 1.0 / 3600.0

@@ -3,10 +3,15 @@
 Messages stand in the order in which a receiver would send them: an ESF-MEAS some milliseconds after its
 samples, an epoch's NAV messages some 60 ms after the epoch. ESF-MEAS carries the sensor's own millisecond
 counter, whose offset is arbitrary and whose rate is off by some parts in 100,000, as on real modules.
+
+Raw signals are those of an F9: RXM-RAWX (version 1), and RXM-SFRBX as satellites send them. Every satellite that is
+measured sends its whole ephemeris in each frame of 30 s, the one whose reference time is nearest. What a receiver only
+states in steps is rounded: C/N0 to 1 dB-Hz, the sigma to a power of two of 1 cm.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -14,15 +19,121 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.signals import RawGnss
+from fusion.formats.receiver.ubx_messages import TYPES
+from fusion.formats.receiver.ubx_raw import (
+    GLONASS_STEP_HZ,
+    L1_HZ,
+    LEAP_KNOWN,
+    MEASUREMENT,
+    PSEUDORANGE_VALID,
+    RAWX,
+    SYSTEM_OF,
+)
+from fusion.formats.receiver.ubx_subframes import SFRBX
+from fusion.signals import (
+    GLONASS,
+    GPS_EPOCH_S,
+    LIGHT_MPS,
+    WEEK_S,
+    RawGnss,
+    Signals,
+    gps_from_unix,
+    unix_from_gps,
+)
 from fusion.simulate.drive import SimulatedDrive
-from fusion.simulate.scene.terrain import GEOID_UNDULATION_M
-from fusion.simulate.write.ubx_raw import Sent, frames, in_order, raw_messages
-from fusion.types import Floats
+from fusion.simulate.scene.town import GEOID_UNDULATION_M
+from fusion.simulate.write.ubx_navigation import Sending, sendings
+from fusion.types import Floats, Ints
 
-GPS_EPOCH_S = 315_964_800.0
-LEAP_SECONDS = 18
-WEEK_S = 604_800
+Sent = tuple[Floats, NDArray[np.uint8]]
+"""When messages leave the receiver (n,), UTC or since the drive began, and the messages, (n, bytes)."""
+_RAWX_DELAY_S = 0.05
+_GNSS_ID = {int(system): number for number, system in enumerate(SYSTEM_OF) if system >= 0}
+
+
+def frames(message_class: int, message_id: int, payload: NDArray[np.void]) -> NDArray[np.uint8]:
+    """Wrap payloads, shape (n,), into whole messages, shape (n, 8 + size), with the Fletcher checksum."""
+    size = payload.dtype.itemsize
+    body = np.ascontiguousarray(payload).view(np.uint8).reshape(len(payload), size)
+    head = np.array([0xB5, 0x62, message_class, message_id, size & 0xFF, size >> 8], np.uint8)
+    frame = np.empty((len(payload), size + 8), np.uint8)
+    frame[:, :6], frame[:, 6:-2] = head, body
+    first = np.cumsum(frame[:, 2:-2], axis=1, dtype=np.int64)
+    frame[:, -2] = first[:, -1] & 0xFF
+    frame[:, -1] = np.sum(first, axis=1) & 0xFF
+    return frame
+
+
+def in_order(messages: list[Sent]) -> bytes:
+    """All messages, sorted by the time of sending."""
+    sent = np.concatenate([np.empty(0), *(t for t, _ in messages)])
+    messages_bytes = [row.tobytes() for _, rows in messages for row in rows]
+    return b"".join(messages_bytes[k] for k in np.argsort(sent, kind="stable"))
+
+
+def raw_messages(raw: RawGnss) -> list[Sent]:
+    """The messages that carry all of ``raw``, with the UTC at which they are sent.
+
+    Signals that bring their satellites with them are no measurements of a receiver: ``ValueError``.
+    """
+    if raw.signals.brings_satellites:
+        raise ValueError(
+            "pseudoranges that are free of clock and atmosphere are nothing that a receiver writes"
+        )
+    out = list(_rawx(raw.signals))
+    if len(raw.signals):
+        out += [_sfrbx(sending) for sending in sendings(raw.navigation, raw.signals)]
+    return out
+
+
+def _rawx(signals: Signals) -> Iterator[Sent]:
+    """One group of messages for each number of measurements."""
+    rows = _measurements(signals)
+    counts = np.diff(signals.first)
+    for count in np.unique(counts):
+        mine = np.flatnonzero(counts == count)
+        at = signals.first[mine][:, None] + np.arange(count)
+        head = TYPES[RAWX][1].descr
+        out = np.zeros(len(mine), np.dtype([*head, ("block", MEASUREMENT, (int(count),))]))
+        gps_s = signals.gps_s[mine]
+        out["week"] = gps_s // WEEK_S
+        out["rcvTow"] = gps_s % WEEK_S
+        out["leapS"] = np.round(gps_s + GPS_EPOCH_S - unix_from_gps(gps_s))
+        out["numMeas"], out["recStat"], out["version"] = count, LEAP_KNOWN, 1
+        out["block"] = rows[at]
+        yield unix_from_gps(gps_s) + _RAWX_DELAY_S, frames(0x02, 0x15, out)
+
+
+def _measurements(signals: Signals) -> NDArray[np.void]:
+    out = np.zeros(len(signals.system), MEASUREMENT)
+    out["prMes"] = signals.pseudorange_m
+    wavelength_m = LIGHT_MPS / signals.frequency_hz
+    out["cpMes"] = signals.pseudorange_m / wavelength_m
+    out["doMes"] = -signals.range_rate_mps / wavelength_m
+    out["gnssId"] = [_GNSS_ID[s] for s in signals.system.tolist()]
+    out["svId"] = signals.number
+    channel = np.round((signals.frequency_hz - L1_HZ[GLONASS]) / GLONASS_STEP_HZ)
+    out["freqId"] = np.where(signals.system == GLONASS, channel + 7, 0)
+    out["locktime"] = 64_500
+    out["cno"] = np.round(np.nan_to_num(signals.cn0_dbhz))
+    centimetres = np.nan_to_num(signals.sigma_m, nan=np.inf) * 100
+    out["prStdev"] = np.clip(np.round(np.log2(np.maximum(centimetres, 1))), 0, 15)
+    out["cpStdev"] = 15  # no phase is simulated: it only follows the code
+    out["doStdev"] = 7
+    out["trkStat"] = PSEUDORANGE_VALID
+    return out
+
+
+def _sfrbx(sending: Sending) -> Sent:
+    words: Ints = sending.words.astype(np.int64)
+    out = np.zeros(len(words), np.dtype([*TYPES[SFRBX][1].descr, ("word", "<u4", (words.shape[1],))]))
+    out["gnssId"], out["svId"] = _GNSS_ID[sending.system], sending.number
+    out["freqId"] = sending.channel + 7
+    out["sigId"] = sending.signal
+    out["numWords"], out["version"], out["word"] = words.shape[1], 2, words
+    return unix_from_gps(sending.sent_s), frames(0x02, 0x13, out)
+
+
 SENSOR_RATE_HZ = 10.0
 """Of ESF-MEAS."""
 _NAV_DELAY_S = 0.06
@@ -30,23 +141,7 @@ _NAV_DELAY_S = 0.06
 _ESF_DELAY_S = 0.012
 _UNKNOWN_ACCURACY = 0xFFFFFFFF
 
-PVT = np.dtype(
-    [("iTOW", "<u4"), ("year", "<u2")]
-    + [(n, "u1") for n in ("month", "day", "hour", "min", "sec", "valid")]
-    + [("tAcc", "<u4"), ("nano", "<i4")]
-    + [(n, "u1") for n in ("fixType", "flags", "flags2", "numSV")]
-    + [(n, "<i4") for n in ("lon", "lat", "height", "hMSL")]
-    + [("hAcc", "<u4"), ("vAcc", "<u4")]
-    + [(n, "<i4") for n in ("velN", "velE", "velD", "gSpeed", "headMot")]
-    + [("sAcc", "<u4"), ("headAcc", "<u4"), ("pDOP", "<u2"), ("flags3", "<u2"), ("reserved", "<u4")]
-    + [("headVeh", "<i4"), ("magDec", "<i2"), ("magAcc", "<u2")]
-)
-ATT = np.dtype(
-    [("iTOW", "<u4"), ("version", "u1"), ("reserved", "u1", 3)]
-    + [(n, "<i4") for n in ("roll", "pitch", "heading")]
-    + [(n, "<u4") for n in ("accRoll", "accPitch", "accHeading")]
-)
-EOE = np.dtype("<u4")
+PVT = np.dtype([*TYPES["NAV-PVT"][1].descr, ("headVeh", "<i4"), ("magDec", "<i2"), ("magAcc", "<u2")])
 ESF = np.dtype([("timeTag", "<u4"), ("flags", "<u2"), ("id", "<u2"), ("data", "<u4", 6)])
 _SENSOR_TYPES = (16, 17, 18, 14, 13, 5)
 """Data types of ESF-MEAS: accelerometer x, y, z, gyroscope x, y, z."""
@@ -75,8 +170,8 @@ def ubx_bytes(drive: SimulatedDrive, raw: RawGnss | None = None) -> bytes:
 
 def _itow(drive: SimulatedDrive) -> NDArray[Any]:
     """GPS time of week of the epochs, milliseconds."""
-    gps_ms = np.round((drive.time_s - GPS_EPOCH_S + LEAP_SECONDS) * 1000).astype(np.int64)
-    return (gps_ms % (WEEK_S * 1000)).astype(EOE)
+    gps_ms = np.round(gps_from_unix(drive.time_s) * 1000).astype(np.int64)
+    return (gps_ms % (WEEK_S * 1000)).astype("<u4")
 
 
 def _scaled(values: Floats, scale: float) -> NDArray[np.int64]:
@@ -123,15 +218,8 @@ def _fill_clock(out: NDArray[Any], time_s: Floats) -> None:
     whole_s = np.round(time_s).astype(np.int64)
     start = datetime.fromtimestamp(int(whole_s[0]), UTC)
     clock = [start + timedelta(seconds=int(s)) for s in whole_s - whole_s[0]]
-    for name, part in (
-        ("year", "year"),
-        ("month", "month"),
-        ("day", "day"),
-        ("hour", "hour"),
-        ("min", "minute"),
-        ("sec", "second"),
-    ):
-        out[name] = [getattr(c, part) for c in clock]
+    out["hour"], out["min"], out["sec"] = zip(*((c.hour, c.minute, c.second) for c in clock), strict=True)
+    out["year"], out["month"], out["day"] = zip(*((c.year, c.month, c.day) for c in clock), strict=True)
     out["nano"] = _scaled(np.round(time_s - whole_s, 3), 1e9)
     out["valid"] = 0x07
     out["tAcc"] = 25
@@ -139,7 +227,7 @@ def _fill_clock(out: NDArray[Any], time_s: Floats) -> None:
 
 def _att(drive: SimulatedDrive) -> NDArray[Any]:
     imu = drive.inertial
-    out = np.zeros(len(imu.roll_rad), ATT)
+    out = np.zeros(len(imu.roll_rad), TYPES["NAV-ATT"][1])
     out["iTOW"] = _itow(drive)
     out["roll"] = _scaled(np.degrees(imu.roll_rad), 1e5)
     out["pitch"] = _scaled(np.degrees(imu.pitch_rad), 1e5)

@@ -7,8 +7,7 @@ Parity bits of GPS and BeiDou are left 0, as receivers check them; the checksums
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,6 @@ from fusion.signals import (
 )
 from fusion.types import Bools, Floats, Ints
 
-Records = TypeVar("Records", KeplerEphemerides, GlonassEphemerides)
 FRAME_S = 30.0
 _GALILEO_PAGE_S = _STRING_S = 2.0
 _TOE_STEP_S = {GPS: 16.0, QZSS: 16.0, GALILEO: 60.0, BEIDOU: 8.0}
@@ -75,7 +73,7 @@ def sendings(navigation: Navigation, signals: Signals) -> Iterator[Sending]:
         received = np.isin(kepler.number, signals.number[signals.system == system])
         rows = np.flatnonzero((kepler.system == system) & some & received)
         row, begin_s = _schedule(kepler.number, kepler.toe_s, rows, _frames_s(signals, late_s))
-        records = _take(kepler, row)
+        records = kepler.take(row)
         for over_s, words in encode(records, begin_s):
             channel = np.full(len(row), -7)
             yield Sending(system, records.number, signal, channel, begin_s + over_s, words)
@@ -85,7 +83,7 @@ def sendings(navigation: Navigation, signals: Signals) -> Iterator[Sending]:
     leap_s = float(np.round(signals.gps_s[0] + GPS_EPOCH_S - signals.time_s[0]))
     frame_s = _frames_s(signals, leap_s % FRAME_S)
     row, begin_s = _schedule(states.number, states.toe_s, np.flatnonzero(received), frame_s)
-    moved = _take(states, row)
+    moved = states.take(row)
     for over_s, words in string_parts(moved, begin_s):
         yield Sending(GLONASS, moved.number, 0, moved.channel, begin_s + over_s, words)
 
@@ -104,10 +102,6 @@ def _schedule(number: Ints, toe_s: Floats, rows: Ints, frame_s: Floats) -> tuple
         mine = rows[number[rows] == satellite]
         chosen.append(mine[np.abs(toe_s[mine][:, None] - frame_s).argmin(axis=0)])
     return np.concatenate(chosen), np.tile(frame_s, len(chosen) - 1)
-
-
-def _take(records: Records, rows: Ints) -> Records:
-    return replace(records, **{spec.name: getattr(records, spec.name)[rows] for spec in fields(records)})
 
 
 def _values(records: KeplerEphemerides, late_s: float = 0.0) -> dict[str, Floats]:

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fusion.errors import LogError, MalformedLogError
-from fusion.formats import archive, read_log
-from fusion.formats.archive import members, shown_name
+from fusion.formats import container as archive
+from fusion.formats import read_log
 from fusion.formats.base import Notes
+from fusion.formats.container import members, shown_name
 
 
 def packed(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:

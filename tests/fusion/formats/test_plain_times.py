@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.formats.plain_times import plain_seconds, unix_seconds
+from fusion.formats.time_texts import plain_seconds, unix_seconds
 
 SIGNS = "0123456789-T:.Z+ "
 STAMPS = st.integers(-8_000_000_000_000_000, 8_000_000_000_000_000).map(

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.gnss.aids import HEIGHT_SIGMA_M, NEAR_S, SPEED_SIGMA_MPS, aids_of, with_heights
-from fusion.gnss.measurements import Aids
+from fusion.gnss.measurements import HEIGHT_SIGMA_M, NEAR_S, SPEED_SIGMA_MPS, Aids, aids_of, with_heights
 from fusion.types import AngularRate, DriveLog, GnssFix, Odometry
 
 

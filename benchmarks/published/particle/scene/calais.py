@@ -16,8 +16,7 @@ from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.motion.routes import Arcs, Route
 from fusion.simulate.motion.vehicle import Driver
 from fusion.simulate.scene.plan import Plan
-from fusion.simulate.scene.terrain import Terrain
-from fusion.simulate.scene.town import Town, tabulated
+from fusion.simulate.scene.town import Terrain, Town, tabulated
 from fusion.types import Ints
 from published.particle.scene.board import Board
 from published.particle.scene.interchange import Layout, draw_motorways

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from fusion.arrays import ColumnTable
 from fusion.formats.base import Notes
 from fusion.signals import WEEK_S, KeplerEphemerides
 from fusion.types import Bools, Floats, Ints
@@ -111,7 +112,7 @@ def write(bits: Bits, layout: Layout, values: Mapping[str, Floats]) -> None:
 
 
 @dataclass(frozen=True)
-class Pages:
+class Pages(ColumnTable):
     """Messages of one kind in the order of the file: the satellite's number, its bits, about when, and its channel.
 
     ``near_s`` are the GPS seconds of the epoch beside it in the file; ``channel`` is GLONASS's alone.
@@ -121,10 +122,6 @@ class Pages:
     bits: Bits
     near_s: Floats
     channel: Ints
-
-    def take(self, keep: Bools) -> Pages:
-        """The messages that a mask selects."""
-        return Pages(self.number[keep], self.bits[keep], self.near_s[keep], self.channel[keep])
 
 
 def nearest(near_s: Floats, part_s: Floats, period_s: float) -> Floats:
@@ -180,7 +177,9 @@ def ephemerides(
         "sent_s": sent_s,
         "issue": values["issue"].astype(np.int64),
     }
-    return KeplerEphemerides(**{spec.name: columns[spec.name][of_week] for spec in fields(KeplerEphemerides)})
+    return KeplerEphemerides(**{spec.name: columns[spec.name] for spec in fields(KeplerEphemerides)}).take(
+        of_week
+    )
 
 
 def complete_sets(

@@ -19,7 +19,7 @@ from fusion.formats import read_log
 from fusion.formats.receiver import ubx_raw
 from fusion.formats.receiver.ubx_frames import frame
 from fusion.signals import BEIDOU, GALILEO, GLONASS, GPS, LIGHT_MPS, QZSS, WEEK_S, RawGnss, Signals
-from fusion.simulate.write.ubx_raw import in_order, raw_messages
+from fusion.simulate.write.ubx_file import in_order, raw_messages
 from fusion.types import DriveLog
 from raw_support import random_navigation, signals_of
 from source_tree import REPOSITORY

@@ -16,7 +16,7 @@ from fusion.formats.receiver.subframes.bits import MIXED, NOT_THEN
 from fusion.formats.receiver.ubx_frames import find_frames, frame
 from fusion.formats.receiver.ubx_subframes import NO_EPOCH, UNKNOWN_SATELLITE, WRONG_LENGTH
 from fusion.signals import GALILEO, GPS, WEEK_S, Navigation, RawGnss
-from fusion.simulate.write.ubx_raw import in_order, raw_messages
+from fusion.simulate.write.ubx_file import in_order, raw_messages
 from fusion.types import DriveLog
 from raw_support import (
     START_GPS_S,

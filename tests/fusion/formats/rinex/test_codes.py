@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fusion.formats.rinex.codes import MOST_CODES, columns_of, frequencies_hz
 from fusion.formats.rinex.header import Header
+from fusion.formats.rinex.observations import MOST_CODES, columns_of, frequencies_hz
 from fusion.signals import BEIDOU, GALILEO, GLONASS, GPS, SYSTEMS
 
 

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 
 from fusion.catalogue import ERROR_MODELS
-from fusion.gnss.error_models.base import Series, share_within
-from fusion.gnss.error_models.law import ErrorLaw
+from fusion.gnss.error_models.base import ErrorLaw, Series, share_within
 from fusion.gnss.reception import LOS, NLOS
 from fusion.types import Floats
 

@@ -8,8 +8,7 @@ import pytest
 
 from fusion.gnss.orbits.glonass import glonass_states
 from fusion.gnss.orbits.kepler import RATE_RADPS, is_geostationary, kepler_states
-from fusion.gnss.orbits.satellites import states_at, states_when_sent
-from fusion.gnss.orbits.selection import choose_kepler
+from fusion.gnss.orbits.satellites import choose_kepler, states_at, states_when_sent
 from fusion.signals import BEIDOU, GALILEO, GLONASS, GPS, LIGHT_MPS, QZSS, Navigation
 from gnss_support import TOE_S, glonass_row_of, gnss_file, kepler_row_of
 from satellites.library import (

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.gnss.orbits.selection import LIMIT_S, choose_glonass, choose_kepler
+from fusion.gnss.orbits.satellites import LIMIT_S, choose_glonass, choose_kepler
 from fusion.signals import BEIDOU, GALILEO, GPS, QZSS, WEEK_S
 from gnss_support import TOE_S, glonass_row_of, kepler_row_of
 from satellites.library import glonass_table, kepler_table

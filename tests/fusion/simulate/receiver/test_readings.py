@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from fusion.frames import acceleration_enu
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
-from fusion.simulate.receiver.profiles import RECEIVERS
-from fusion.simulate.receiver.readings import gauss_markov
+from fusion.simulate.receiver.readings import RECEIVERS, gauss_markov
 from fusion.simulate.scene.town import Town
 
 RATE_HZ = 20.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from fusion.simulate.demonstration import Demonstration
 from fusion.simulate.scene.town import Town
-from fusion.simulate.write.truth_file import write_truth
+from fusion.simulate.write.csv_file import write_truth
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

@@ -12,8 +12,7 @@ import pytest
 from pyubx2 import ERR_RAISE, VALCKSUM, UBXReader
 
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
-from fusion.simulate.scene.terrain import GEOID_UNDULATION_M
-from fusion.simulate.scene.town import Town
+from fusion.simulate.scene.town import GEOID_UNDULATION_M, Town
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.simulate.write.ubx_file import write_ubx
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fusion.formats import read_log
 from fusion.signals import BEIDOU, GALILEO, GPS, QZSS, WEEK_S, Navigation, RawGnss
-from fusion.simulate.write.ubx_raw import in_order, raw_messages
+from fusion.simulate.write.ubx_file import in_order, raw_messages
 from raw_support import BROADCASTS, START_GPS_S, broadcast, by_satellite, random_navigation, signals_of
 
 

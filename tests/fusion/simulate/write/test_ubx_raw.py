@@ -13,8 +13,7 @@ from fusion.formats import read_log
 from fusion.signals import Navigation, RawGnss, Signals, gps_from_unix
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
-from fusion.simulate.write.ubx_file import ubx_bytes
-from fusion.simulate.write.ubx_raw import in_order, raw_messages
+from fusion.simulate.write.ubx_file import in_order, raw_messages, ubx_bytes
 from raw_support import random_navigation, signals_of
 
 
