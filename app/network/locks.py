@@ -103,14 +103,21 @@ class CellClaims:
 
 
 @contextmanager
-def cell_claims(sessions: Sessions) -> Iterator[CellClaims]:
-    """Claims that end with the block, or with the process."""
+def _beyond_transactions(sessions: Sessions) -> Iterator[Session]:
+    """A session for locks that outlast transactions: all are released at the end, or with the process."""
     with sessions() as session:
         session.connection(execution_options={"isolation_level": "AUTOCOMMIT"})
         try:
-            yield CellClaims(session)
+            yield session
         finally:
             session.execute(_FREE_ALL)  # else they would go back into the pool with the connection
+
+
+@contextmanager
+def cell_claims(sessions: Sessions) -> Iterator[CellClaims]:
+    """Claims that end with the block, or with the process."""
+    with _beyond_transactions(sessions) as session:
+        yield CellClaims(session)
 
 
 @contextmanager
@@ -119,10 +126,6 @@ def own_heights(sessions: Sessions, *, wait: bool) -> Iterator[bool]:
 
     Yields whether that is so: without ``wait`` somebody else may be at it. What is written does not depend on it.
     """
-    with sessions() as session:
-        session.connection(execution_options={"isolation_level": "AUTOCOMMIT"})
+    with _beyond_transactions(sessions) as session:
         taken = session.execute(_WAIT if wait else _TRY, {"key": _HEIGHTS}).scalar()
-        try:
-            yield wait or bool(taken)
-        finally:
-            session.execute(_FREE_ALL)
+        yield wait or bool(taken)

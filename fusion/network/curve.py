@@ -130,16 +130,9 @@ def place_rows(length_m: Floats) -> tuple[Floats, Floats]:
     slope = slope_rows(np.zeros(len(length)), length[:, 0], length[:, 0])
     intervals = slope.shape[1] // 2 - 1
     mean = np.zeros_like(slope)
+    half, bend = np.full(len(length), 0.5), length[:, 0] / intervals / 12
     for j in range(intervals):  # the cubic's mean over an interval
-        mean[:, 2 * j : 2 * j + 4] += (
-            np.column_stack(
-                [
-                    np.broadcast_to(v, len(length))
-                    for v in (0.5, length[:, 0] / intervals / 12, 0.5, -length[:, 0] / intervals / 12)
-                ]
-            )
-            / intervals
-        )
+        mean[:, 2 * j : 2 * j + 4] += np.column_stack([half, bend, half, -bend]) / intervals
     start, end = -mean, -mean.copy()
     start[:, 0] += 1
     end[:, -2] += 1

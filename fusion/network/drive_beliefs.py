@@ -158,7 +158,8 @@ class DriveBeliefs:
         for (members, blocks, _, _), misfit in zip(self.groups, misfits, strict=True):
             blocks.weight = _pass_weight(misfit, self._scales_of(members))
             if self.overruled:
-                blocks.weight[[self._is_overruled(d, k) for d, k in members]] = 0.0
+                passes = [self.passes[d][k] for d, k in members]
+                blocks.weight[[p.condensed > 0 and p.segment in self.overruled for p in passes]] = 0.0
 
     def _learn_scales(self, misfits: list[Floats]) -> None:
         """How much worse each drive's passes fit than it believes of itself: its place, and what it has no model of."""
@@ -181,10 +182,6 @@ class DriveBeliefs:
                 if one.segment in condensed and not one.condensed:
                     against[one.segment] += 1 if wrong else -1
         self.overruled |= {segment for segment, most in against.items() if most > 0}
-
-    def _is_overruled(self, d: int, k: int) -> bool:
-        one = self.passes[d][k]
-        return one.condensed > 0 and one.segment in self.overruled
 
     def _scales_of(self, members: list[tuple[int, int]]) -> Floats:
         return np.array([self.pass_scale[self._number[d]] for d, _ in members])

@@ -7,9 +7,6 @@ a height sensor's error takes) is integrated out; what the drive carries on stay
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 
 from fusion.compiled import compiled
@@ -23,33 +20,14 @@ from fusion.profile.traversals import PLACE_SIGMA_M, Altimeter, OnTraversals, on
 from fusion.types import Bools, Floats, GnssFix, Ints
 
 
-@dataclass(frozen=True, eq=False)
-class Likelihoods:
-    """exp(-(square - 2 vector' x + x' information x) / 2) of n passes, of ``size`` (n,) unknowns each, in one row."""
-
-    size: Ints
-    information: Floats
-    vector: Floats
-    square: Floats
-
-    @cached_property
-    def _matrices(self) -> Ints:
-        return np.cumsum(self.size**2) - self.size**2
-
-    @cached_property
-    def _vectors(self) -> Ints:
-        return np.cumsum(self.size) - self.size
-
-    def of(self, k: int) -> tuple[Floats, Floats]:
-        """Information (size, size) and vector (size,) of pass ``k``."""
-        n, at, row = int(self.size[k]), int(self._matrices[k]), int(self._vectors[k])
-        return self.information[at : at + n * n].reshape(n, n), self.vector[row : row + n]
-
-
 def likelihoods(
     data: OnTraversals, path: DrivenPath, walk_m2_per_s: tuple[float, float], drift_jumps_s: Floats
-) -> Likelihoods:
-    """Of every traversal; at ``drift_jumps_s`` the error of the GNSS height changes suddenly."""
+) -> list[tuple[Floats, Floats, float]]:
+    """Information (n, n), vector (n,) and square of every traversal, whose likelihood is
+    exp(-(square - 2 vector' x + x' information x) / 2).
+
+    At ``drift_jumps_s`` the error of the GNSS height changes suddenly.
+    """
     match = path.match
     size = variable_count(segment_lengths(path)[0]) + NUISANCES
     information, vector = np.zeros(int((size**2).sum())), np.zeros(int(size.sum()))
@@ -60,7 +38,12 @@ def likelihoods(
         np.array(walk_m2_per_s), drift_jumps_s, JUMP_SIGMA[DRIFT] ** 2,
         information, vector, square,
     )  # fmt: skip
-    return Likelihoods(size, information, vector, square)
+    matrices = np.split(information, np.cumsum(size**2))[:-1]
+    vectors = np.split(vector, np.cumsum(size))[:-1]
+    return [
+        (matrix.reshape(n, n), right, total)
+        for matrix, right, n, total in zip(matrices, vectors, size.tolist(), square.tolist(), strict=True)
+    ]
 
 
 @compiled
@@ -84,7 +67,7 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
     vector: Floats,
     square: Floats,
 ) -> None:
-    """Fill ``information``, ``vector`` and ``square`` (see ``Likelihoods``) from the measurements of each pass.
+    """Fill ``information``, ``vector`` and ``square`` (see ``likelihoods``) from the measurements of each pass.
 
     The unknowns of a pass are the knots, the constants, two height errors at entry and two now, which are those at
     exit when all is summed, and behind them the wander of the mount, which is integrated out.
@@ -215,7 +198,7 @@ def pass_factors(
     length, scale = segment_lengths(path)
     match, factors, place = path.match, [], _place(path)
     for k in np.flatnonzero(_usable(path)).tolist():
-        information, vector = summed.of(k)
+        information, vector, square = summed[k]
         weight = float(match.confidence[k])
         low, high = sorted((float(match.enter_m[k] * scale[k]), float(match.leave_m[k] * scale[k])))
         rows = slice(int(data.first[k]), int(data.first[k + 1]))
@@ -226,7 +209,7 @@ def pass_factors(
                 mount=int(mount[k]),
                 information=weight * information,
                 vector=weight * vector,
-                square=weight * float(summed.square[k]),
+                square=weight * square,
                 rows=rows.stop - rows.start,
                 walk_m2_per_s=walk,
                 start_m=low,

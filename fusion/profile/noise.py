@@ -7,7 +7,6 @@ what lies far outside of them counts less, then what breaks with the model has c
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -81,17 +80,16 @@ def learn(
     measured: Measurements, epochs: SmootherEpochs, start: Noise, *, by_satellites: bool = True
 ) -> Learned:
     """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
-    levels = _levels(measured, epochs, start)
-    noise, jumps, variance, smoothed = levels.noise, levels.jumps, levels.variance, levels.smoothed
+    noise, jumps, variance, smoothed, robust = _levels(measured, epochs, start)
     filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
     every = np.ones(len(measured), bool), np.ones(len(measured))
     used, repeated = _apart(measured) if filtered else every
     chosen = measured.take(used), replace(epochs, of_measurement=epochs.of_measurement[used])
     if filtered:
-        noise = most_likely(*chosen, noise, start, levels.weight[used], jumps)
-        variance = gaussian_variance(measured, noise) * repeated / levels.weight
+        noise = most_likely(*chosen, noise, start, robust[used], jumps)
+        variance = gaussian_variance(measured, noise) * repeated / robust
         smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
-    likely = expected(noise, log_sigmas(*chosen, noise, start, levels.weight[used], jumps))
+    likely = expected(noise, log_sigmas(*chosen, noise, start, robust[used], jumps))
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
@@ -103,18 +101,11 @@ def learn(
     return Learned(noise, likely, variance, outlier, jumps, smoothed)
 
 
-class _Found(NamedTuple):
-    """Levels and sudden changes; variances by the last levels but one, and the drive smoothed by them; new weights."""
-
-    noise: Noise
-    jumps: Jumps
-    variance: Floats
-    smoothed: Smoothed
-    weight: Floats
-
-
-def _levels(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> _Found:
-    """Levels, weights and sudden changes in rounds."""
+def _levels(
+    measured: Measurements, epochs: SmootherEpochs, start: Noise
+) -> tuple[Noise, Jumps, Floats, Smoothed, Floats]:
+    """Levels and sudden changes, found in rounds; variances by the last levels but one, and the drive smoothed by them;
+    new weights."""
     jumps: Jumps = ()
     paired = bool(np.any(pitch_partner(measured) >= 0))
     noise, weight = start.with_(shared=SHARED_START if paired else 0.0), np.ones(len(measured))
@@ -129,7 +120,7 @@ def _levels(measured: Measurements, epochs: SmootherEpochs, start: Noise) -> _Fo
         noise = noise.with_(**_shared(measured, epochs, noise, smoothed, variance))
         square = np.maximum(normalised_square(smoothed, variance, usual), 1e-9)
         weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _outlier_factor(square)
-    return _Found(noise, jumps, variance, smoothed, weight)
+    return noise, jumps, variance, smoothed, weight
 
 
 def _apart(measured: Measurements) -> tuple[Bools, Floats]:

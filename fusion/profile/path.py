@@ -116,9 +116,9 @@ def ground_speed(log: DriveLog) -> tuple[Floats, Floats, float]:
 
 
 def _nearest(time_s: Floats, wanted_s: Floats) -> Ints:
-    right = np.clip(np.searchsorted(time_s, wanted_s), 1, len(time_s) - 1) if len(time_s) > 1 else None
-    if right is None:
+    if len(time_s) < 2:
         return np.zeros(len(wanted_s), np.int64)
+    right = np.clip(np.searchsorted(time_s, wanted_s), 1, len(time_s) - 1)
     return np.where(wanted_s - time_s[right - 1] < time_s[right] - wanted_s, right - 1, right)
 
 

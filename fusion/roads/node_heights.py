@@ -96,7 +96,8 @@ def node_heights(
     guessed = ~_reached(graph, np.isfinite(start))
     if guessed.any():
         start[guessed] = _nearest(graph, start, guessed)
-    ground = _spanned(graph, start)
+    # What is missing is spanned between the known places, in proportion to lengths.
+    ground = _solved(_laplacian(graph, _weight(graph)), np.zeros(len(graph)), start)
     correction = _correction(graph, ground, measured_m, offset, rise_m)
     spanned = np.isnan(start) & ~measured
     usual = float(np.nanmedian(offset)) if measured.any() else 0.0
@@ -163,11 +164,6 @@ def _laplacian(graph: RoadGraph, weight: Floats) -> sparse.csr_matrix:
 
 def _weight(graph: RoadGraph) -> Floats:
     return np.asarray(1.0 / np.maximum(graph.length_m, SHORTEST_M))
-
-
-def _spanned(graph: RoadGraph, value: Floats) -> Floats:
-    """Values with those that are missing spanned between the known ones, in proportion to lengths."""
-    return _solved(_laplacian(graph, _weight(graph)), np.zeros(len(graph)), value)
 
 
 def _correction(

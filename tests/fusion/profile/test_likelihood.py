@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from dense_equations import inverted
 from fusion.network.curve import height_weights, variable_count
 from fusion.network.pass_factor import CONSTANTS, ENTRY, EXIT, NUISANCES
-from fusion.profile.factors import Likelihoods, likelihoods
+from fusion.profile.factors import likelihoods
 from fusion.profile.model import DRIFT, JUMP_SIGMA
 from fusion.profile.traversals import OnTraversals
 
@@ -137,7 +137,7 @@ def dense(
 
 def summed(
     data: OnTraversals, passes: list[Pass], rates: tuple[float, float], jumps_s: np.ndarray
-) -> Likelihoods:
+) -> list[tuple[np.ndarray, np.ndarray, float]]:
     return likelihoods(data, path_of(passes), rates, jumps_s)
 
 
@@ -147,12 +147,12 @@ def assert_as_dense(
     found = summed(data, passes, rates, jumps_s)
     for k in range(len(passes)):
         information, vector, square = dense(data, passes, k, rates, jumps_s)
-        got, said = found.of(k)
+        got, said, explained = found[k]
         scale = float(np.abs(information).max())
         np.testing.assert_allclose(got, information, rtol=0, atol=1e-8 * scale + ROUNDING)
         scale = float(np.abs(vector).max())
         np.testing.assert_allclose(said, vector, rtol=0, atol=1e-8 * scale + ROUNDING)
-        assert found.square[k] == pytest.approx(square, rel=1e-8, abs=ROUNDING)
+        assert explained == pytest.approx(square, rel=1e-8, abs=ROUNDING)
 
 
 def passes_of(rng: np.random.Generator, count: int) -> list[Pass]:
@@ -204,7 +204,7 @@ def test_a_pass_that_measured_nothing_says_how_far_errors_walked_and_nothing_els
         },
         first=np.array([0, data.first[1], data.first[1]]),
     )
-    information, vector = summed(only_first, passes, (0.2, 0.01), np.array([])).of(1)
+    information, vector, _ = summed(only_first, passes, (0.2, 0.01), np.array([]))[1]
     knots = int(variable_count(20.0))
     entry, leave = knots + ENTRY.start, knots + EXIT.start
     expected = np.zeros_like(information)
@@ -219,7 +219,7 @@ def test_lifting_the_road_is_lowering_the_error() -> None:
     passes = passes_of(rng, 4)
     found = summed(drawn(rng, passes, (0, 1)), passes, (0.1, 0.01), np.array([]))
     for k, one in enumerate(passes):
-        information, vector = found.of(k)
+        information, vector, _ = found[k]
         knots = int(variable_count(one.length_m))
         lift = np.zeros(len(vector))
         lift[:knots:2] = 1.0
