@@ -47,7 +47,6 @@ from app.map.heights import routes as heights
 from app.map.items import collection_routes as collections
 from app.map.items import landing
 from app.map.items import routes as items
-from app.map.items.landing import BIND_NOTE
 from app.map.items.routes import tell_limits
 from app.map.style import routes as style
 from app.map.tiles import routes as tiles
@@ -55,11 +54,9 @@ from app.map.tiles.front import TileFront
 from app.map.tiles.tiles import Tiles
 from app.operations import routes as operations
 from app.operations import sources
-from app.ops import health, stats
+from app.ops import health, metrics, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
-from app.ops.metrics import Gauges, Metrics, read_gauges
-from app.ops.metrics import router as metrics_router
 from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -88,7 +85,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     stats.router,
     admin.router,  # after the figures, whose path it would else take for a query's
     health.router,
-    metrics_router,
+    metrics.router,
     problem_kinds.router,
     docs.router,
     pages.router,
@@ -102,27 +99,18 @@ road segment that was driven, with its uncertainty, as GeoJSON and as tiles.
 Slopes are in percent, positive uphill from `from_node` to `to_node`, the direction in which the OpenStreetMap
 way is drawn; sigma is one standard deviation; unknown is null, never 0. Times are UTC. Errors are problem
 documents (RFC 9457): what takes too long, or is asked for by too many at once, is answered by 503 with
-`Retry-After`; a request under a host name that is not the service's by 421. {BIND_NOTE}"""
+`Retry-After`; a request under a host name that is not the service's by 421. {landing.BIND_NOTE}"""
 
-TAGS: list[dict[str, str]] = [
-    {"name": "drives", "description": "Upload logs and look at what became of them."},
-    {"name": "segments", "description": "One road segment, and the drives behind its slope."},
-    {"name": "map", "description": "All road segments, as OGC API Features."},
-    {
-        "name": "changes",
-        "description": "Following the map: what changed since a version, and being told of it.",
-    },
-    {"name": "tiles", "description": "Map tiles."},
-    {
-        "name": "heights",
-        "description": "Heights of the road at places, as other services give them of the ground.",
-    },
-    {"name": "exports", "description": "The map, or a part of it, as files."},
-    {
-        "name": "operation",
-        "description": "Health, metrics, figures and long work of operators, kinds of problems.",
-    },
-]
+TAGS = {
+    "drives": "Upload logs and look at what became of them.",
+    "segments": "One road segment, and the drives behind its slope.",
+    "map": "All road segments, as OGC API Features.",
+    "changes": "Following the map: what changed since a version, and being told of it.",
+    "tiles": "Map tiles.",
+    "heights": "Heights of the road at places, as other services give them of the ground.",
+    "exports": "The map, or a part of it, as files.",
+    "operation": "Health, metrics, figures and long work of operators, kinds of problems.",
+}
 FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")
 """FastAPI's own models, which no answer follows."""
 
@@ -136,22 +124,22 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     Nothing is opened before it starts; starting without a database named is a ``SettingsError``.
     """
     chosen = settings or get_settings()
-    metrics = Metrics(lambda: _gauges(app))
+    figures = metrics.Metrics(lambda: _gauges(app))
     request_classes = make_request_classes(chosen.db_pool_size)
     app = FastAPI(
         title="Versant",
         summary="Slopes of roads from vehicle logs",
         description=DESCRIPTION,
         version=code_version(),
-        openapi_tags=TAGS,
+        openapi_tags=[{"name": name, "description": meaning} for name, meaning in TAGS.items()],
         license_info={"name": "Apache 2.0", "identifier": "Apache-2.0"},
         openapi_url=None,  # app.map.items.landing answers, in two versions and as a page
         docs_url=None,  # its pages load scripts from elsewhere
         redoc_url=None,
         lifespan=_lifespan,
-        middleware=_middleware(chosen, metrics, request_classes),
+        middleware=_middleware(chosen, figures, request_classes),
     )
-    app.state.settings, app.state.metrics, app.state.request_classes = chosen, metrics, request_classes
+    app.state.settings, app.state.metrics, app.state.request_classes = chosen, figures, request_classes
     install_error_handlers(app)
     for router in ROUTERS:
         app.include_router(router)
@@ -160,7 +148,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 
 def _middleware(
-    settings: Settings, metrics: Metrics, request_classes: Mapping[str, RequestClass]
+    settings: Settings, figures: metrics.Metrics, request_classes: Mapping[str, RequestClass]
 ) -> list[Middleware]:
     """The outermost first."""
     return [
@@ -168,7 +156,7 @@ def _middleware(
         Middleware(middleware.CollectAfterRequests),
         Middleware(Turnstile),
         Middleware(middleware.HeadMiddleware),
-        Middleware(RequestLog, observe=metrics.observe),
+        Middleware(RequestLog, observe=figures.observe),
         Middleware(middleware.KnownHosts, settings=settings),
         *([Middleware(middleware.PublishedCors, origins=settings.origins)] if settings.origins else []),
         Middleware(TileFront, max_zoom=settings.tile_max_zoom),
@@ -232,11 +220,11 @@ def _read_drives(sessions: Sessions, ids: Collection[uuid.UUID]) -> dict[uuid.UU
         return get_drives(session, ids)
 
 
-def _gauges(app: FastAPI) -> Gauges | None:
+def _gauges(app: FastAPI) -> metrics.Gauges | None:
     service: Service = app.state.service
     try:
         with service.reading() as session:
-            return read_gauges(session)
+            return metrics.read_gauges(session)
     except SQLAlchemyError:
         return None
 

@@ -67,7 +67,7 @@ class BlobStore:
         ``StorageFullError`` as soon as less than ``keep_free_bytes`` would stay free, at once where ``expected_bytes``
         are too many already. What unpacks to more than ``max_content_bytes`` counts as its own content.
         """
-        writer = BlobWriter(self._fs, self._root, self._section, keep_free_bytes, max_content_bytes)
+        writer = BlobWriter(self, keep_free_bytes, max_content_bytes)
         try:
             writer.require_room(expected_bytes)
         except BaseException:
@@ -176,21 +176,17 @@ class BlobWriter:
     The writer's user limits its size: ``size_bytes`` counts what was written so far.
     """
 
-    def __init__(
-        self, fs: Any, root: str, section: str, keep_free_bytes: int, max_content_bytes: int
-    ) -> None:
-        self._fs = fs
-        self._root = root
-        self._section = section
+    def __init__(self, store: BlobStore, keep_free_bytes: int, max_content_bytes: int) -> None:
+        self._fs, self._root, self._section = store._fs, store._root, store._section
         self._keep_free_bytes = keep_free_bytes
         self._name = uuid.uuid4().hex
-        self._part = f"{root}/{files.INCOMING}/{self._name}"
+        self._part = f"{self._root}/{files.INCOMING}/{self._name}"
         self._hash = ContentHash(max_content_bytes)
         self._finished = self._closed = False
         self.size_bytes = 0
         with files.full_is_told():
-            files.make_folder(fs, f"{root}/{files.INCOMING}")
-            self._file = fs.open(self._part, "wb", block_size=BLOCK_BYTES)
+            files.make_folder(self._fs, f"{self._root}/{files.INCOMING}")
+            self._file = self._fs.open(self._part, "wb", block_size=BLOCK_BYTES)
 
     def __enter__(self) -> Self:
         return self

@@ -30,11 +30,17 @@ CANCEL_TIMEOUT_S = 5.0
 """How long cancelling a statement on the server may take."""
 
 
-class _Work:
-    """One request, and the connections that work for it."""
+class _Request:
+    """One request: the connections that work for it, and its answer, whose messages pass through here."""
 
-    def __init__(self) -> None:
+    def __init__(self, send: Send) -> None:
         self.gone = False
+        """Whether the client left before the end."""
+        self.running = CancelScope()
+        self.disconnected = asyncio.Event()
+        self.started = self.finished = False
+        self._asked = False
+        self._send = send
         self._connections: set[Connection[Any]] = set()
         self._lock = Lock()
 
@@ -54,36 +60,52 @@ class _Work:
                 with suppress(psycopg.Error):  # a server that is away runs no statement either
                     connection.cancel_safe(timeout=CANCEL_TIMEOUT_S)
 
+    async def receive(self) -> Message:
+        """What the server would say: the request, which has no body, then that the client is gone."""
+        if not self._asked:
+            self._asked = True
+            return {"type": "http.request", "body": b"", "more_body": False}
+        await self.disconnected.wait()
+        return {"type": "http.disconnect"}
 
-_current: ContextVar[_Work | None] = ContextVar("work of this request", default=None)
+    async def send(self, message: Message) -> None:
+        """Pass the message on."""
+        self.started = True
+        if self.gone and message["type"] == "http.response.start":
+            message = {**message, "status": CLIENT_GONE}
+        self.finished = message["type"] == "http.response.body" and not message.get("more_body")
+        await self._send(message)
+
+
+_current: ContextVar[_Request | None] = ContextVar("request that is answered", default=None)
 
 
 def client_left() -> bool:
     """Whether the client of the request that is being answered went away."""
-    work = _current.get()
-    return work is not None and work.gone
+    request = _current.get()
+    return request is not None and request.gone
 
 
 @contextmanager
 def ending_with_client(session: Session) -> Iterator[None]:
     """Within the block the session's statements are cancelled when the client of the present request leaves."""
-    work = _current.get()
-    if work is None:
+    request = _current.get()
+    if request is None:
         yield
         return
     connections: list[Connection[Any]] = []
 
     def begin(_session: object, _transaction: object, connection: Any) -> None:
         connections.append(connection.connection.driver_connection)
-        work.begin(connections[-1])
+        request.begin(connections[-1])
 
     event.listen(session, "after_begin", begin)
     try:
         yield
     finally:
         for connection in connections:
-            work.end(connection)
-        if work.gone:  # a cancellation that arrives late must hit nobody
+            request.end(connection)
+        if request.gone:  # a cancellation that arrives late must hit nobody
             session.invalidate()
 
 
@@ -103,60 +125,37 @@ class EndWithClient:
         ):
             await self.app(scope, receive, send)
             return
-        answer = _Answer(send)
-        watching = asyncio.create_task(self._watch(receive, answer))
-        token = _current.set(answer.work)
+        request = _Request(send)
+        watching = asyncio.create_task(self._watch(receive, request))
+        token = _current.set(request)
         try:
-            with answer.running:
-                await self.app(scope, answer.receive, answer.send)
+            with request.running:
+                await self.app(scope, request.receive, request.send)
         finally:
             _current.reset(token)
             watching.cancel()
             with suppress(asyncio.CancelledError):
                 await watching
-        if not answer.started:
-            await answer.send({"type": "http.response.start", "status": CLIENT_GONE, "headers": []})
-            await answer.send({"type": "http.response.body", "body": b""})
+        if not request.started:
+            await answer_nobody(request.send)
 
-    async def _watch(self, receive: Receive, answer: _Answer) -> None:
+    async def _watch(self, receive: Receive, request: _Request) -> None:
         while (await receive())["type"] != "http.disconnect":
             pass
-        answer.gone.set()
-        if answer.finished:  # the server sends the same message after the last byte of an answer
+        request.disconnected.set()
+        if request.finished:  # the server sends the same message after the last byte of an answer
             return
-        answer.work.gone = True
-        answer.running.cancel()
+        request.gone = True
+        request.running.cancel()
         while True:
-            await to_thread.run_sync(answer.work.cancel, limiter=self._threads)
+            await to_thread.run_sync(request.cancel, limiter=self._threads)
             await anyio.sleep(AGAIN_S)
 
 
-class _Answer:
-    """How far the answer to one request is; its messages pass through here."""
-
-    def __init__(self, send: Send) -> None:
-        self.work = _Work()
-        self.running = CancelScope()
-        self.gone = asyncio.Event()
-        self.started = self.finished = False
-        self._asked = False
-        self._send = send
-
-    async def receive(self) -> Message:
-        """What the server would say: the request, which has no body, then that the client is gone."""
-        if not self._asked:
-            self._asked = True
-            return {"type": "http.request", "body": b"", "more_body": False}
-        await self.gone.wait()
-        return {"type": "http.disconnect"}
-
-    async def send(self, message: Message) -> None:
-        """Pass the message on."""
-        self.started = True
-        if self.work.gone and message["type"] == "http.response.start":
-            message = {**message, "status": CLIENT_GONE}
-        self.finished = message["type"] == "http.response.body" and not message.get("more_body")
-        await self._send(message)
+async def answer_nobody(send: Send) -> None:
+    """End a request whose client is gone."""
+    await send({"type": "http.response.start", "status": CLIENT_GONE, "headers": []})
+    await send({"type": "http.response.body", "body": b""})
 
 
 def has_body(headers: Headers) -> bool:

@@ -180,6 +180,12 @@ def geojson_answer(description: str, example: Any) -> dict[str, Any]:
     return {"description": description, "content": {GEO_JSON: {"schema": schema, "example": example}}}
 
 
+def text_answer(media_type: str, description: str, example: str) -> dict[str, Any]:
+    """The OpenAPI description of an answer in text."""
+    content = {media_type: {"schema": {"type": "string"}, "example": example}}
+    return {"description": description, "content": content}
+
+
 def json_answer(description: str, example: Any) -> dict[str, Any]:
     """The OpenAPI description of an answer in JSON that no model describes."""
     content = {"application/json": {"schema": {"type": "object"}, "example": example}}

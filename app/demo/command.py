@@ -78,10 +78,7 @@ def show_scores(console: Console, result: DemoResult) -> None:
     """Print the slopes beside the truth: single segments, all of them, structures, classes of road."""
     from app.demo.score import examples
 
-    estimates, features = result.estimates, {}
-    for feature in result.features:
-        p = feature["properties"]
-        features[p["osm_way_id"], p["from_node"], p["to_node"]] = p
+    estimates, features = result.estimates, result.properties
     rows = []
     for key in examples(result.truth, EXAMPLES):
         road, p = result.truth[key], features[key]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from app.demo.run import DemoResult, feature_key
+from app.demo.run import DemoResult
 from app.demo.score import Score
 from app.map.picture.slope_map import MapSegments
 
@@ -105,7 +105,7 @@ def _write_errors(result: DemoResult, path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
         table.writerow(ERROR_COLUMNS)
-        features = {feature_key(f): f["properties"] for f in result.features}
+        features = result.properties
         for key, road in result.truth.items():
             got = features[key]
             slope = got["slope_percent"]

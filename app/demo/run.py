@@ -58,12 +58,17 @@ class DemoResult:
     seconds: dict[str, float] = field(default_factory=dict)
 
     @property
+    def properties(self) -> dict[SegmentKey, dict[str, Any]]:
+        """What the service says of each segment."""
+        return {feature_key(feature): feature["properties"] for feature in self.features}
+
+    @property
     def estimates(self) -> dict[SegmentKey, Estimate]:
         """The service's slopes."""
         return {
-            feature_key(f): Estimate(f["properties"]["slope_percent"], f["properties"]["slope_sigma_percent"])
-            for f in self.features
-            if f["properties"]["slope_percent"] is not None
+            key: Estimate(of["slope_percent"], of["slope_sigma_percent"])
+            for key, of in self.properties.items()
+            if of["slope_percent"] is not None
         }
 
     def scores(self) -> dict[str, Score]:

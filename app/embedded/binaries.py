@@ -66,7 +66,7 @@ def find_client(program: str, least_major: int, *, places: Iterable[Path] | None
     clients: dict[int, str] = {}
     which = shutil.which(program)
     for folder in _distinct(places or [*_usual_places(), *([Path(which).parent] if which else [])]):
-        version = re.search(r"\(PostgreSQL\) (\d+)", _output(str(folder / program), "--version"))
+        version = re.search(r"\(PostgreSQL\) (\d+)", output(str(folder / program), "--version"))
         if version is not None:
             clients.setdefault(int(version[1]), str(folder / program))
     fit = [major for major in clients if major >= least_major]
@@ -98,7 +98,7 @@ def _usual_places() -> Iterator[Path]:
     for program in ("initdb", "pg_ctl", "postgres"):
         if (path := shutil.which(program)) is not None:
             yield Path(path).resolve().parent
-    if (pg_config := shutil.which("pg_config")) is not None and (bindir := _output(pg_config, "--bindir")):
+    if (pg_config := shutil.which("pg_config")) is not None and (bindir := output(pg_config, "--bindir")):
         yield Path(bindir)
     for pattern in PLACES:
         yield from Path("/").glob(pattern.lstrip("/"))
@@ -115,7 +115,7 @@ def _distinct(folders: Iterable[Path]) -> Iterator[Path]:
 def _inspect(folder: Path) -> Binaries | None:
     if not all((folder / program).is_file() for program in ("initdb", "pg_ctl", "postgres")):
         return None
-    version = re.search(r"\(PostgreSQL\) (\d+)", _output(str(folder / "postgres"), "--version"))
+    version = re.search(r"\(PostgreSQL\) (\d+)", output(str(folder / "postgres"), "--version"))
     if version is None:
         return None
     major = int(version[1])
@@ -124,7 +124,7 @@ def _inspect(folder: Path) -> Binaries | None:
 
 
 def _share_dirs(folder: Path, major: int) -> Iterator[Path]:
-    if (folder / "pg_config").is_file() and (sharedir := _output(str(folder / "pg_config"), "--sharedir")):
+    if (folder / "pg_config").is_file() and (sharedir := output(str(folder / "pg_config"), "--sharedir")):
         yield Path(sharedir)
     # Debian ships pg_config apart from the server, so the usual places follow.
     yield Path(f"/usr/share/postgresql/{major}")
@@ -133,10 +133,11 @@ def _share_dirs(folder: Path, major: int) -> Iterator[Path]:
         yield root / share
 
 
-def _output(*command: str) -> str:
+def output(*command: str) -> str:
+    """What a program prints; empty where it fails, hangs or is not there."""
     try:
         # stdin is closed and the working directory fixed: nothing of the caller's surroundings matters.
-        done = subprocess.run(  # noqa: S603 - the command is a program of PostgreSQL
+        done = subprocess.run(  # noqa: S603 - the command is ours
             command,
             capture_output=True,
             text=True,

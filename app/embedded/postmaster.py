@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
+
+from app.embedded.binaries import output
 
 
 @dataclass(frozen=True)
@@ -63,11 +64,4 @@ def _alive(pid: int) -> bool:
 
 def _is_postgres(pid: int) -> bool:
     """For systems without /proc, where a process's folder is hard to come by: is it a PostgreSQL at all?"""
-    done = subprocess.run(  # noqa: S603 - a number is the only argument
-        ["ps", "-o", "comm=", "-p", str(pid)],  # noqa: S607 - ps is found on PATH
-        capture_output=True,
-        text=True,
-        check=False,
-        stdin=subprocess.DEVNULL,
-    )
-    return Path(done.stdout.strip()).name in {"postgres", "postmaster"}
+    return Path(output("ps", "-o", "comm=", "-p", str(pid))).name in {"postgres", "postmaster"}

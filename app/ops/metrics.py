@@ -13,6 +13,7 @@ from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
 
+from app.core.http import text_answer
 from app.core.tables import DRIVE_STATUSES
 from app.core.telemetry.ledger import totals_of_all
 from app.core.telemetry.measures import MEASURES, Measure, Totals
@@ -42,6 +43,8 @@ GAUGES = {
 """Gauges without labels: what stands behind ``versant_`` in their names, and their meaning."""
 METHODS = frozenset({"GET", "HEAD", "POST", "DELETE", "OPTIONS", "PUT", "PATCH"})
 
+EXAMPLE = 'versant_drives{status="done"} 12.0\n'
+
 router = APIRouter(tags=["operation"])
 
 
@@ -49,17 +52,7 @@ router = APIRouter(tags=["operation"])
     "/metrics",
     summary="Prometheus metrics",
     response_class=Response,
-    responses={
-        200: {
-            "description": "Text exposition format.",
-            "content": {
-                "text/plain": {
-                    "schema": {"type": "string"},
-                    "example": 'versant_drives{status="done"} 12.0\n',
-                }
-            },
-        }
-    },
+    responses={200: text_answer("text/plain", "Text exposition format.", EXAMPLE)},
 )
 def metrics(request: Request) -> Response:
     """Requests by route and status with their durations, drives by status, the queue, and what workers count and time:

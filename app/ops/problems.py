@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict
 
@@ -11,21 +13,18 @@ from app.core.http import problems
 router = APIRouter(prefix=PROBLEM_PATH.rstrip("/"), tags=["operation"])
 
 
+EXAMPLE: dict[str, Any] = {
+    "type": "/problems/no-match",
+    "status": 422,
+    "title": "No road near",
+    "meaning": "The log ...",
+}
+
+
 class ProblemKind(BaseModel):
     """A kind of problem."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "type": "/problems/no-match",
-                    "status": 422,
-                    "title": "No road near",
-                    "meaning": "The log ...",
-                }
-            ]
-        }
-    )
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     type: str
     status: int

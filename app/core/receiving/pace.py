@@ -8,7 +8,7 @@ import time
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.core.disconnects import CLIENT_GONE, has_body
+from app.core.disconnects import answer_nobody, has_body
 from app.core.errors import BodyTooLargeError, SlowClientError
 from app.core.middleware import CHANGING, UPLOAD_PATHS
 from app.core.problems import refuse
@@ -48,8 +48,7 @@ class Bodies:
             await refuse(SlowClientError(message), scope, receive, send)
             return
         if body is None:
-            await send({"type": "http.response.start", "status": CLIENT_GONE, "headers": []})
-            await send({"type": "http.response.body", "body": b""})
+            await answer_nobody(send)
         elif len(body) > SMALL_BODY_BYTES:
             message = f"The body is larger than {SMALL_BODY_BYTES} bytes. Send less."
             await refuse(BodyTooLargeError(message), scope, receive, send)

@@ -16,6 +16,7 @@ from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from app.core.errors import BusyError
+from app.core.http import text_answer
 from app.core.receiving.clients import Shares, present_client
 
 HEARTBEAT_S = 15.0
@@ -158,5 +159,4 @@ class EventStream(StreamingResponse):
 
 def stream_answer(description: str, example: str) -> dict[int | str, dict[str, Any]]:
     """The OpenAPI description of a stream."""
-    content = {"text/event-stream": {"schema": {"type": "string"}, "example": example}}
-    return {200: {"description": description, "content": content}}
+    return {200: text_answer("text/event-stream", description, example)}

@@ -58,9 +58,14 @@ class Base(DeclarativeBase):
     }
 
 
-def line(srid: int) -> Geometry:
-    """A two-point line; its index is declared beside the table, so that its name is ours."""
-    return Geometry("LINESTRING", srid=srid, spatial_index=False)
+def shape(kind: str, srid: int) -> Geometry:
+    """A geometry; its index, if it has one, is declared beside the table, so that its name is ours."""
+    return Geometry(kind, srid=srid, spatial_index=False)
+
+
+def goes_with(table: str) -> sa.ForeignKey:
+    """The key of a row of that table, with which the row that names it goes."""
+    return sa.ForeignKey(f"{table}.id", ondelete="CASCADE")
 
 
 def where(condition: str) -> dict[str, Any]:
@@ -120,14 +125,14 @@ class OfWay:
     osm_way_id: Mapped[int] = mapped_column(sa.BigInteger)
     from_node: Mapped[int] = mapped_column(sa.BigInteger)
     to_node: Mapped[int] = mapped_column(sa.BigInteger)
-    geom: Mapped[WKBElement] = mapped_column(line(SRID_DEGREES))
+    geom: Mapped[WKBElement] = mapped_column(shape("LINESTRING", SRID_DEGREES))
     length_m: Mapped[float]
 
 
 class Road(OfWay):
     """One that may be driven on, with the slope that the elevation model gives it."""
 
-    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
+    geom_3857: Mapped[WKBElement] = mapped_column(shape("LINESTRING", SRID_TILES))
     highway: Mapped[str]
     name: Mapped[str | None]
     oneway: Mapped[int] = mapped_column(sa.SmallInteger)
@@ -197,9 +202,7 @@ class Drive(Followed, Base):
     generation: Mapped[int] = mapped_column(server_default="1")
     """Counts the requests to process this drive; a worker that holds an older number discards its result."""
     report: Mapped[dict[str, Any] | None]
-    bounds: Mapped[WKBElement | None] = mapped_column(
-        Geometry("POLYGON", srid=SRID_DEGREES, spatial_index=False)
-    )
+    bounds: Mapped[WKBElement | None] = mapped_column(shape("POLYGON", SRID_DEGREES))
     epochs: Mapped[int | None]
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
@@ -248,7 +251,7 @@ class Provenance(Numbered, Base):
 
     __tablename__ = "provenances"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), index=True)
     method: Mapped[str]
     options: Mapped[dict[str, Any]]
     code_version: Mapped[str]
@@ -264,15 +267,9 @@ class DriveSegment(Estimate, Base):
 
     __tablename__ = "drive_segments"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(
-        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
-    )
-    segment_id: Mapped[int] = mapped_column(
-        sa.ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True
-    )
-    provenance_id: Mapped[int] = mapped_column(
-        sa.ForeignKey("provenances.id", ondelete="CASCADE"), index=True
-    )
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), primary_key=True)
+    segment_id: Mapped[int] = mapped_column(goes_with("segments"), primary_key=True)
+    provenance_id: Mapped[int] = mapped_column(goes_with("provenances"), index=True)
     in_network: Mapped[bool] = mapped_column(server_default=sa.text("false"))
     """The drive contributes factors: this is shown as its own estimate and not combined a second time."""
 
@@ -286,9 +283,7 @@ class DriveSegment(Estimate, Base):
 class _Slope:
     """A segment's slope, and what the network knows of it besides; that is NULL where it is not in the network."""
 
-    segment_id: Mapped[int] = mapped_column(
-        sa.ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
-    )
+    segment_id: Mapped[int] = mapped_column(goes_with("segments"), primary_key=True, autoincrement=False)
     slope_percent: Mapped[float]
     slope_sigma_percent: Mapped[float]
     drives: Mapped[int]
@@ -315,9 +310,7 @@ class DriveTrack(Base):
 
     __tablename__ = "drive_tracks"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(
-        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
-    )
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), primary_key=True)
     track: Mapped[bytes]
     measurements: Mapped[bytes | None]
     """Drawn behind the profile; NULL where the method offers none."""

@@ -11,7 +11,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects.postgresql import ARRAY
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import Base, Estimate, Import, Numbered, OfWay, where
+from app.core.tables import Base, Estimate, Import, Numbered, OfWay, goes_with, where
 
 PARTITION_PREFIX = "drive_passes_of_"
 """How the names of the parts of ``drive_passes`` begin; a row's part follows from a hash of its partition."""
@@ -25,8 +25,8 @@ class DrivePass(Base):
     id: Mapped[int] = mapped_column(
         sa.BigInteger, primary_key=True, server_default=sa.text("nextval('drive_passes_id_seq')")
     )
-    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"), index=True)
-    segment_id: Mapped[int] = mapped_column(sa.ForeignKey("segments.id", ondelete="CASCADE"))
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), index=True)
+    segment_id: Mapped[int] = mapped_column(goes_with("segments"))
     entered_s: Mapped[float]
     """When the drive came to the segment, Unix seconds."""
     condensed_weight: Mapped[float | None]
@@ -59,7 +59,7 @@ class CondensedPasses(Numbered, Base):
 
     __tablename__ = "condensed_passes"
 
-    segment_id: Mapped[int] = mapped_column(sa.ForeignKey("segments.id", ondelete="CASCADE"), index=True)
+    segment_id: Mapped[int] = mapped_column(goes_with("segments"), index=True)
     evidence: Mapped[bytes]
 
 
@@ -68,11 +68,9 @@ class RejectedPass(Base):
 
     __tablename__ = "rejected_passes"
 
-    segment_id: Mapped[int] = mapped_column(
-        sa.ForeignKey("segments.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
-    )
+    segment_id: Mapped[int] = mapped_column(goes_with("segments"), primary_key=True, autoincrement=False)
     pass_id: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
-    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), index=True)
 
 
 class DriveConstants(Base):
@@ -84,9 +82,7 @@ class DriveConstants(Base):
 
     __tablename__ = "drive_constants"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(
-        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
-    )
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), primary_key=True)
     passes: Mapped[int]
     evidence: Mapped[bytes]
     measurements: Mapped[int]
@@ -222,10 +218,8 @@ class RetiredSegment(Numbered, OfWay, Base):
 class _Retired(Numbered):
     """Evidence of one drive on a retired segment, from the run whose provenance has the number ``run``."""
 
-    retired_id: Mapped[int] = mapped_column(
-        sa.ForeignKey("retired_segments.id", ondelete="CASCADE"), index=True
-    )
-    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"), index=True)
+    retired_id: Mapped[int] = mapped_column(goes_with("retired_segments"), index=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), index=True)
     run: Mapped[int | None] = mapped_column(sa.BigInteger)
     """No foreign key: a drive that was computed anew has another, and is computed once more if the road comes back."""
 
@@ -253,9 +247,7 @@ class TouchedDrive(Base):
 
     __tablename__ = "touched_drives"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(
-        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
-    )
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), primary_key=True)
     road_state: Mapped[int] = mapped_column(sa.BigInteger)
     """A run that knew the roads of this state, or later ones, need not be repeated."""
     made_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())

@@ -13,7 +13,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import Base, Followed, Numbered, OneRow, status_constraints, where
+from app.core.tables import Base, Followed, Numbered, OneRow, goes_with, status_constraints, where
 
 
 class RequestColumns(Followed):
@@ -119,7 +119,7 @@ class DriveTrial(RequestColumns, Base):
 
     __tablename__ = "drive_trials"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("drives.id", ondelete="CASCADE"))
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"))
     method: Mapped[str]
     options: Mapped[dict[str, Any]]
     asked_sha256: Mapped[str]
@@ -226,9 +226,7 @@ class DrivePicture(Base):
 
     __tablename__ = "drive_pictures"
 
-    drive_id: Mapped[uuid.UUID] = mapped_column(
-        sa.ForeignKey("drives.id", ondelete="CASCADE"), primary_key=True
-    )
+    drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), primary_key=True)
     drawn_of: Mapped[str]
     png: Mapped[bytes]
     drawn_at: Mapped[datetime] = mapped_column(server_default=sa.func.now(), index=True)

@@ -8,11 +8,11 @@ from datetime import datetime
 from typing import Any
 
 import sqlalchemy as sa
-from geoalchemy2 import Geometry, WKBElement
+from geoalchemy2 import WKBElement
 from sqlalchemy.dialects.postgresql import ARRAY, TEXT
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import SRID_DEGREES, SRID_TILES, Base, OneRow, Road, line, where
+from app.core.tables import SRID_DEGREES, SRID_TILES, Base, OneRow, Road, goes_with, shape, where
 
 DRAWN_LEVELS = (12, 10, 8, 6)
 """Each is drawn at this zoom and at the one below."""
@@ -29,9 +29,7 @@ class SegmentChange(Base):
     """The transaction. A snapshot tells all of those below its ``pg_snapshot_xmin``, of later ones perhaps some."""
     changed_at: Mapped[datetime] = mapped_column(index=True)
     gone: Mapped[bool]
-    was: Mapped[WKBElement | None] = mapped_column(
-        Geometry("GEOMETRY", srid=SRID_DEGREES, spatial_index=False)
-    )
+    was: Mapped[WKBElement | None] = mapped_column(shape("GEOMETRY", SRID_DEGREES))
     """Where it lay before it moved or went, as far back as changes are told: all places in one box."""
 
     __table_args__ = (
@@ -90,7 +88,7 @@ class DrawnPiece(Base):
     slope_sigma_percent: Mapped[float | None]
     drives: Mapped[int]
     length_m: Mapped[float]
-    geom_3857: Mapped[WKBElement] = mapped_column(line(SRID_TILES))
+    geom_3857: Mapped[WKBElement] = mapped_column(shape("LINESTRING", SRID_TILES))
 
     __table_args__ = tuple(
         sa.Index(
@@ -220,7 +218,7 @@ class WebhookDelivery(Base):
     __tablename__ = "webhook_deliveries"
 
     id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
-    webhook_id: Mapped[uuid.UUID] = mapped_column(sa.ForeignKey("webhooks.id", ondelete="CASCADE"))
+    webhook_id: Mapped[uuid.UUID] = mapped_column(goes_with("webhooks"))
     event: Mapped[str]
     data: Mapped[dict[str, Any]]
     created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
