@@ -25,14 +25,7 @@ from app.core.version import code_version
 from app.exports.format import Format, NoOptions, Stated, statements
 from app.exports.formats import FORMATS
 from app.exports.source import OnProgress, Query, Source
-from app.map.segment import (
-    HEIGHT_DATUM,
-    OSM_ATTRIBUTION,
-    OSM_COPYRIGHT_URL,
-    OSM_LICENSE,
-    OSM_LICENSE_URL,
-    attribution,
-)
+from app.map import segment
 from app.roads.store import find_region, known_region, region_names
 from app.terrain.coverage import rasters_over
 from app.terrain.store import current_dem
@@ -72,36 +65,31 @@ def data_state(session: Session) -> State:
     return State(f"{row.versions}.{row.drawn}.{row.derived}.{row.roads}.{row.dem}.{changed_us:x}", changed_at)
 
 
-def provenance(
-    session: Session,
-    place: FilePlace,
-    state: State,
-    request: Mapping[str, Any],
-    bbox: Bounds | None,
-    *,
-    driven: bool,
-) -> dict[str, Any]:
+def provenance(session: Session, place: FilePlace, state: State, request: Request) -> dict[str, Any]:
     """The document on the origin of what a session sees: state, request, licences, regions, rasters, program."""
     active = current_dem(session, place)
-    boxes = _boxes(bbox)
-    over = {name for box in boxes for name in rasters_over(session, active, bbox=box, driven=driven)}
+    over = {
+        name
+        for box in _boxes(request.bbox)
+        for name in rasters_over(session, active, bbox=box, driven=request.driven)
+    }
     regions = [region for name in region_names(session) if (region := find_region(session, name))]
     return {
         "generator": f"Versant {code_version()}",
         "data_version": state.version,
         "changed_at": utc_text(state.changed_at),
-        "request": dict(request),
-        "attribution": attribution(over),
+        "request": request.document(),
+        "attribution": segment.attribution(over),
         "licences": [
             {
                 "of": "roads, and all that derives from them",
-                "attribution": OSM_ATTRIBUTION,
-                "attribution_url": OSM_COPYRIGHT_URL,
-                "name": OSM_LICENSE,
-                "url": OSM_LICENSE_URL,
+                "attribution": segment.OSM_ATTRIBUTION,
+                "attribution_url": segment.OSM_COPYRIGHT_URL,
+                "name": segment.OSM_LICENSE,
+                "url": segment.OSM_LICENSE_URL,
             }
         ],
-        "height_datum": HEIGHT_DATUM,
+        "height_datum": segment.HEIGHT_DATUM,
         "roads": [
             {
                 "region": one.name,
@@ -122,12 +110,6 @@ def provenance(
             ],
         },
     }
-
-
-def stated_of(document: Mapping[str, Any]) -> Stated:
-    """What files state, of such a document."""
-    known = statements(document["attribution"], document["height_datum"])
-    return known | {"changed_at": document["changed_at"], "provenance": dumps(document)}
 
 
 def _boxes(bbox: Bounds | None) -> list[Bounds | None]:
@@ -245,9 +227,8 @@ def make_file(
     query = request.query(session)
     source = Source(session, settings.dem_dir, query, on_progress, full_zoom=settings.tile_full_zoom)
     state = data_state(session)
-    origin = provenance(
-        session, settings.dem_dir, state, request.document(), request.bbox, driven=request.driven
-    )
-    stated = stated_of(origin)
+    origin = provenance(session, settings.dem_dir, state, request)
+    stated = statements(origin["attribution"], origin["height_datum"])
+    stated |= {"changed_at": origin["changed_at"], "provenance": dumps(origin)}
     count = request.format.write(source, path, stated, request.options)
     return Made(count, state, origin, stated, tuple(source.notes))

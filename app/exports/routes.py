@@ -18,17 +18,7 @@ from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
-from app.exports import store
-from app.exports.documents import (
-    Export,
-    ExportFormat,
-    ExportFormats,
-    ExportList,
-    ExportRequest,
-    ExportStatus,
-    export_address,
-    linked,
-)
+from app.exports import documents, store
 from app.exports.ranges import file_answer
 from app.exports.store import exports
 from app.jobs.requests.listing import AfterQuery, page_of
@@ -60,17 +50,17 @@ _BYTES: dict[str, Any] = {
     "",
     status_code=202,
     summary="Ask for a file",
-    response_model=Export,
+    response_model=documents.Export,
     responses={
-        200: {"model": Export, "description": "It is there already.", "headers": _LOCATION},
+        200: {"model": documents.Export, "description": "It is there already.", "headers": _LOCATION},
         202: {"description": "Queued, or being made.", "headers": _LOCATION},
         **UNREADABLE_BODY,
         **problems(403, 413, 422, 503),
     },
 )
 def ask_for_export(
-    request: Request, service: ServiceDep, base: BaseUrl, response: Response, body: ExportRequest
-) -> Export:
+    request: Request, service: ServiceDep, base: BaseUrl, response: Response, body: documents.ExportRequest
+) -> documents.Export:
     """Have the map, or a part of it, written to a file in the background, as it stands at one moment.
 
     Follow it at `Location`. The same request, while the data are the same, answers with the export that there is. Files
@@ -87,9 +77,9 @@ def ask_for_export(
         export, created = _find_or_add(service, file_request)
     if created:
         tell(logger, "export asked for", export=export.id, format=file_request.format.name)
-    response.status_code = 200 if export.status is ExportStatus.DONE else 202
-    response.headers["Location"] = export_address(base, export)
-    return linked(base, export)
+    response.status_code = 200 if export.status is documents.ExportStatus.DONE else 202
+    response.headers["Location"] = documents.export_address(base, export)
+    return documents.linked(base, export)
 
 
 @router.get("", summary="List exports", responses=problems(422, 503))
@@ -97,25 +87,27 @@ def list_exports(
     request: Request,
     service: ServiceDep,
     base: BaseUrl,
-    status: Annotated[ExportStatus | None, Query(description="Only exports of this status.")] = None,
+    status: Annotated[
+        documents.ExportStatus | None, Query(description="Only exports of this status.")
+    ] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="Exports per page.")] = 100,
     after: AfterQuery = None,
-) -> ExportList:
+) -> documents.ExportList:
     """The newest first. Follow the `next` link until there is none; each export comes once."""
     refuse_unknown(request, {"status", "limit", "after"}, BadRequestError)
     shown, links = page_of(service, exports, f"{base}/v1/exports", limit=limit, after=after, status=status)
-    return ExportList(exports=[linked(base, export) for export in shown], links=links)
+    return documents.ExportList(exports=[documents.linked(base, export) for export in shown], links=links)
 
 
 @router.get("/formats", summary="Formats of exports")
-def list_formats() -> ExportFormats:
+def list_formats() -> documents.ExportFormats:
     """What can be asked for, with the options of each. Options that name files are for `versant export` alone."""
     # Some formats stand on large libraries: an API that nobody asks for files does without them.
     from app.exports.formats import FORMATS  # noqa: PLC0415
 
-    return ExportFormats(
+    return documents.ExportFormats(
         formats=[
-            ExportFormat(
+            documents.ExportFormat(
                 name=one.name,
                 description=one.description,
                 suffixes=list(one.suffixes),
@@ -129,9 +121,9 @@ def list_formats() -> ExportFormats:
 
 
 @router.get("/{export_id}", summary="One export", responses=problems(404, 503))
-def get_export(export_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Export:
+def get_export(export_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> documents.Export:
     """Status, progress, the version and origin of its data, and where its file is."""
-    return linked(base, _get_export(service, export_id))
+    return documents.linked(base, _get_export(service, export_id))
 
 
 @router.delete("/{export_id}", status_code=204, summary="Remove an export", responses=problems(403, 404, 503))
@@ -141,9 +133,9 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
     The export is `cancelled`, and is told as such until it would have expired. Once more changes nothing.
     """
     with service.sessions.begin() as session:
-        export: Export = existing(exports.get(session, export_id), "export", export_id)
+        export: documents.Export = existing(exports.get(session, export_id), "export", export_id)
         blob_key = store.cancel(session, export_id, service.settings)
-        if export.status is not ExportStatus.CANCELLED:
+        if export.status is not documents.ExportStatus.CANCELLED:
             audit.note(session, origin, "export removed", export_id, file_name=export.file_name)
     if blob_key is not None:
         _blobs(service).delete(blob_key)
@@ -202,7 +194,7 @@ def get_beside(export_id: uuid.UUID, name: str, service: ServiceDep) -> Response
     return Response(text, media_type=kind, headers={"Cache-Control": "no-cache"})
 
 
-def _parse_request(body: ExportRequest) -> FileRequest:
+def _parse_request(body: documents.ExportRequest) -> FileRequest:
     from app.exports.making import request_of  # noqa: PLC0415 - as above
 
     with _naming("bbox"):
@@ -212,7 +204,7 @@ def _parse_request(body: ExportRequest) -> FileRequest:
         return request_of(body.format, body.options, bbox=box, **filters)
 
 
-def _find_or_add(service: Service, file_request: FileRequest) -> tuple[Export, bool]:
+def _find_or_add(service: Service, file_request: FileRequest) -> tuple[documents.Export, bool]:
     from app.exports.making import data_state  # noqa: PLC0415 - as above
 
     with service.sessions.begin() as session:
@@ -237,22 +229,22 @@ def _naming(field: str) -> Iterator[None]:
         raise BadRequestError(str(error), field=field) from error
     except BadOptionsError as error:
         at = error.where or "options"
-        inside = at not in ExportRequest.model_fields
+        inside = at not in documents.ExportRequest.model_fields
         raise BadRequestError(str(error), field=f"options.{at}" if inside else at) from error
 
 
-def _get_export(service: Service, export_id: uuid.UUID) -> Export:
+def _get_export(service: Service, export_id: uuid.UUID) -> documents.Export:
     with service.reading() as session:
-        export: Export = existing(exports.get(session, export_id), "export", export_id)
+        export: documents.Export = existing(exports.get(session, export_id), "export", export_id)
     return export
 
 
-def _done(service: Service, export_id: uuid.UUID) -> Export:
+def _done(service: Service, export_id: uuid.UUID) -> documents.Export:
     """The export, which has a file; ``NotDoneError`` and ``NotFoundError`` say why it has none."""
     export = _get_export(service, export_id)
-    if export.status is ExportStatus.DONE:
+    if export.status is documents.ExportStatus.DONE:
         return export
-    if export.status in {ExportStatus.QUEUED, ExportStatus.RUNNING}:
+    if export.status in {documents.ExportStatus.QUEUED, documents.ExportStatus.RUNNING}:
         raise NotDoneError(
             f"Export {export.id} is {export.status}: {export.progress:.0%} of it is done. Ask again in a moment."
         )

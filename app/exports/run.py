@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from app.core.blobs import EXPORTS, StoredBlob
@@ -53,10 +54,7 @@ def _make_export(run: RequestRun[Export]) -> str:
     path = run.folder / export.file_name
 
     run.at_each_look = lambda: _require_room(run)
-
-    def show_share(share: float) -> None:
-        run.show(None, share)
-
+    show_share = partial(run.show, None)
     with run.computing():
         with snapshot(run.sessions) as session:
             run.note(data_version=data_state(session).version)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -61,24 +61,25 @@ class Query:
     gaps: bool = False
 
 
+@dataclass(eq=False)
 class Source:
     """The data of a snapshot, for as long as it lasts. Every iterator is consumed once and holds a page at a time."""
 
-    def __init__(
-        self,
-        session: Session,
-        place: FilePlace,
-        query: Query,
-        on_progress: OnProgress = lambda share: None,
-        *,
-        full_zoom: int = FULL_ZOOM,
-    ) -> None:
-        """``session``: its transaction is the snapshot (``snapshot``); ``place``: where rasters and files of roads are
-        kept (``Settings.dem_dir``); ``full_zoom``: from which zoom on tiles hold every road (``Settings``)."""
-        self.session, self.query, self.bbox, self._place = session, query, query.bbox, place
-        self._on_progress, self._full_zoom = on_progress, full_zoom
-        self.notes: list[str] = []
-        """What a person is told about the file, in order."""
+    session: Session
+    """Its transaction is the snapshot (``snapshot``)."""
+    place: FilePlace
+    """Where rasters and files of roads are kept (``Settings.dem_dir``)."""
+    query: Query
+    on_progress: OnProgress = lambda share: None
+    full_zoom: int = field(default=FULL_ZOOM, kw_only=True)
+    """From which zoom on tiles hold every road (``Settings``)."""
+    notes: list[str] = field(default_factory=list, init=False)
+    """What a person is told about the file, in order."""
+
+    @property
+    def bbox(self) -> Bounds | None:
+        """The box that is asked for."""
+        return self.query.bbox
 
     def note(self, text: str) -> None:
         """Tell a person something about what is written, as one sentence."""
@@ -91,13 +92,13 @@ class Source:
     def segments(self, *, gaps: bool = False, driven: bool = False) -> Iterator[Segment]:
         """Those of the box and the region, by ascending id, for a format that knows itself which others it wants."""
         box, region = self.query.bbox, self.query.region
-        count = count_segments(self.session, bbox=box, driven=True if driven else None)
+        count = count_segments(self.session, bbox=box, driven=driven or None)
         count = max(1, count if region is None else min(count, region.segments))  # at most so many
         region_id = None if region is None else region.id
         rows = all_segments(self.session, box, driven=driven, gaps=gaps, region=region_id)
         for number, row in enumerate(rows):
             if not number % PARTS_APART:
-                self._on_progress(min(number / count, 1.0))
+                self.on_progress(min(number / count, 1.0))
             yield row
 
     def asked_ways(self) -> Iterator[Way]:
@@ -118,7 +119,7 @@ class Source:
         ).all():
             yield from map(_way, rows)
             after = rows[-1].id
-            self._on_progress(0.0)
+            self.on_progress(0.0)
 
     def tiles(
         self, zooms: tuple[int, int], number: Callable[[int, int, int], int]
@@ -130,8 +131,8 @@ class Source:
             for place in sorted(self._places(z), key=lambda place, z=z: number(z, *place))  # type: ignore[misc]
         ]
         for done, (z, x, y) in enumerate(addresses):
-            self._on_progress(done / len(addresses))
-            if data := mvt(self.session, z, x, y, full_zoom=self._full_zoom):
+            self.on_progress(done / len(addresses))
+            if data := mvt(self.session, z, x, y, full_zoom=self.full_zoom):
                 yield (z, x, y), data
 
     def extent(self) -> Bounds:
@@ -151,13 +152,13 @@ class Source:
         if not regions:
             raise RoadsError("There are no roads yet. Import a file of roads first.")
         newest_first = sorted(regions, key=lambda region: (region.imported_at, region.id), reverse=True)
-        return tuple(kept_file(self._place, region) for region in newest_first)
+        return tuple(kept_file(self.place, region) for region in newest_first)
 
     def ground_heights(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
         """Of the ground by the active elevation rasters, m, above their own datum; NaN unknown; shapes (n,)."""
         from app.terrain.heights import open_dem  # noqa: PLC0415 - with it compilers and rasterio are loaded
 
-        active = current_dem(self.session, self._place)
+        active = current_dem(self.session, self.place)
         if active is None or not len(lon_deg):
             return np.full(len(lon_deg), np.nan)
         with open_dem(active) as dem:
@@ -165,7 +166,7 @@ class Source:
 
     def ground_datum(self) -> str | None:
         """What these refer to, as it was stated when the rasters were imported; None without any."""
-        active = current_dem(self.session, self._place)
+        active = current_dem(self.session, self.place)
         return None if active is None else active.datum
 
     def _places(self, z: int) -> set[tuple[int, int]]:

@@ -9,11 +9,10 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from datetime import datetime
+from functools import partial
 from typing import Any
 
-from sqlalchemy import TextClause, text
+from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
@@ -127,18 +126,15 @@ TERRAIN = text(
 Rows = list[dict[str, Any]]
 
 
-def _by(statement: TextClause) -> Callable[[Session], Rows]:
-    def made(session: Session) -> Rows:
-        return [dict(row._mapping) for row in session.execute(statement, {"most": MOST_ROWS})]
-
-    return made
+def _rows(statement: TextClause, session: Session) -> Rows:
+    return [dict(row._mapping) for row in session.execute(statement, {"most": MOST_ROWS})]
 
 
 KEPT: Mapping[str, Callable[[Session], Rows]] = {
-    "coverage": _by(COVERAGE),
-    "sigmas": _by(SIGMAS),
-    "disagreements": _by(DISAGREEMENTS),
-    "terrain": _by(TERRAIN),
+    "coverage": partial(_rows, COVERAGE),
+    "sigmas": partial(_rows, SIGMAS),
+    "disagreements": partial(_rows, DISAGREEMENTS),
+    "terrain": partial(_rows, TERRAIN),
     "tiles": tiles_by_zoom,
 }
 """Name of figures -> how they are made."""
@@ -172,23 +168,14 @@ _KEEP = text(
 )
 
 
-@dataclass(frozen=True)
-class Kept:
-    """Rows of figures and when they were made."""
-
-    rows: list[dict[str, Any]]
-    made_at: datetime
-
-
 def make(session: Session, name: str) -> Rows:
     """The figures of this moment, JSON-serialisable."""
     return KEPT[name](session)
 
 
-def kept(session: Session, name: str) -> Kept | None:
-    """The figures as they were made last."""
-    row = session.execute(_READ, {"name": name}).one_or_none()
-    return None if row is None else Kept(list(row.rows), row.made_at)
+def kept(session: Session, name: str) -> Row[Any] | None:
+    """The figures as they were made last: ``rows``, and ``made_at``."""
+    return session.execute(_READ, {"name": name}).one_or_none()
 
 
 def renew_one(sessions: Sessions) -> bool:

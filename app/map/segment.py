@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, ClassVar, get_origin, get_type_hints
+from types import NoneType
+from typing import Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
 from xml.sax.saxutils import escape
 
 from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, SLOPE_DIGITS, rounded, utc_text
@@ -47,11 +48,6 @@ SQL_TYPES = {
 """How values are sent to the database, by ``Column.kind``."""
 
 
-def kind_of(json_type: str, json_format: str | None) -> str:
-    """What a value is compared with: integer, number, string, boolean, time."""
-    return "time" if json_format == "date-time" else json_type
-
-
 @dataclass(frozen=True)
 class Column:
     """How a property of a segment is read and written."""
@@ -64,9 +60,19 @@ class Column:
     """Decimal places in every output, for fractions."""
 
     @property
+    def type(self) -> str:
+        """In JSON Schema: integer, number, string, boolean."""
+        return JSON_TYPES[self.arrow][0]
+
+    @property
+    def format(self) -> str | None:
+        """In JSON Schema: int32, int64, date-time; None for others."""
+        return JSON_TYPES[self.arrow][1]
+
+    @property
     def kind(self) -> str:
-        """One of ``SQL_TYPES``."""
-        return kind_of(*JSON_TYPES[self.arrow])
+        """What values are compared with, one of ``SQL_TYPES``."""
+        return "time" if self.format == "date-time" else self.type
 
 
 class Record:
@@ -74,6 +80,8 @@ class Record:
 
     columns: ClassVar[Mapping[str, Column]]
     """By the property's name, in the order of the fields."""
+    optional: ClassVar[frozenset[str]]
+    """Those that may be None."""
     _digits: ClassVar[Mapping[str, int]]
     id: int | None
     updated_at: datetime | None
@@ -84,6 +92,7 @@ class Record:
         hints = get_type_hints(cls, include_extras=True)
         own = {name: hints[name] for name in cls.__annotations__}  # in the order of the fields
         cls.columns = {name: h.__metadata__[0] for name, h in own.items() if get_origin(h) is Annotated}
+        cls.optional = frozenset(name for name in cls.columns if NoneType in get_args(own[name].__origin__))
         cls._digits = {name: c.digits for name, c in cls.columns.items() if c.digits is not None}
 
     def properties(self) -> dict[str, Any]:

@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from fastapi import APIRouter, Path, Query, Response
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-from sqlalchemy.orm import Session
 
 from app.core.http import (
     EXAMPLE_ID,
@@ -271,7 +270,11 @@ def segment_profile(
     """
     with service.reading() as session:
         road, drives = existing(one_road(session, segment_id), "segment", segment_id)
-        credit = _credit(session, service.settings.dem_dir, road)
+        rasters: tuple[str, ...] = ()
+        if road.dem_heights_m:
+            ends = [(road.lon0_deg, road.lat0_deg), (road.lon1_deg, road.lat1_deg)]
+            active = current_dem(session, service.settings.dem_dir)
+            rasters = names_over(active, [(*end, *end) for end in ends])
     along_m = _places(road)
     source: Literal["drives", "neighbours"] | None = None
     if road.measured and (drives or gaps):
@@ -292,7 +295,7 @@ def segment_profile(
         dem_height_m=_of_model(road, along_m),
         source=source,
         datum=HEIGHT_DATUM,
-        attribution=credit,
+        attribution=attribution(rasters),
         links=[
             link(with_query(f"{up}/profile", gaps=gaps), "self"),
             link(with_query(up, gaps=gaps), "up", GEO_JSON),
@@ -314,10 +317,3 @@ def _of_model(road: RoadHere, along_m: Floats) -> list[float | None]:
         return [None] * len(along_m)
     at = np.interp(along_m, np.linspace(0.0, road.length_m, len(heights)), heights)
     return [height if np.isfinite(height) else None for height in at.tolist()]
-
-
-def _credit(session: Session, folder: Any, road: RoadHere) -> str:
-    if not road.dem_heights_m:
-        return attribution()
-    ends = [(road.lon0_deg, road.lat0_deg), (road.lon1_deg, road.lat1_deg)]
-    return attribution(names_over(current_dem(session, folder), [(*end, *end) for end in ends]))

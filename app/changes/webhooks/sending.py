@@ -16,6 +16,7 @@ import socket
 import ssl
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address, ip_address, ip_network
 from typing import Any
@@ -24,7 +25,6 @@ from urllib.parse import SplitResult, urlsplit
 SECRET_PREFIX = "whsec_"  # noqa: S105 - no secret itself
 _SECRET_BYTES = 32
 _LONGEST_URL = 2000
-_MANY = 429
 _GONE = 410
 
 _UNICAST = ip_network("2000::/3")
@@ -79,9 +79,9 @@ def check_url(url: str, *, private: bool) -> None:
         raise RefusedError(
             "it must begin with https:// (plain http needs VERSANT_WEBHOOK_PRIVATE=true at the service)."
         )
-    literal = _literal(parts.hostname or "")
-    if literal is not None and not private and not _is_public(literal):
-        raise RefusedError(_NOT_PUBLIC)
+    with suppress(ValueError):  # a name, which is looked up later
+        if not _is_public(ip_address((parts.hostname or "").partition("%")[0])) and not private:
+            raise RefusedError(_NOT_PUBLIC)
 
 
 def post(url: str, headers: dict[str, str], body: bytes, *, timeout_s: float, private: bool) -> Answer:
@@ -138,7 +138,8 @@ def _exchange(
 
     def end() -> None:
         late.set()
-        _hang_up(raw)
+        with suppress(OSError):  # it is closed already
+            socket.socket.shutdown(raw, socket.SHUT_RDWR)
 
     # Times of a socket begin anew with each byte, and somebody may send one a second.
     watch = threading.Timer(max(deadline_s - time.monotonic(), 0.001), end)
@@ -164,13 +165,6 @@ def _exchange(
         raw.close()
 
 
-def _hang_up(raw: socket.socket) -> None:
-    try:
-        socket.socket.shutdown(raw, socket.SHUT_RDWR)
-    except OSError:
-        """It is closed already."""
-
-
 def _connected(host: str, port: int, deadline_s: float, *, private: bool) -> socket.socket:
     """A connection to the first address of the name that may be called and answers."""
     addresses: list[Any] = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
@@ -191,13 +185,6 @@ def _connected(host: str, port: int, deadline_s: float, *, private: bool) -> soc
             raw.close()
             last = error
     raise last
-
-
-def _literal(host: str) -> IPv4Address | IPv6Address | None:
-    try:
-        return ip_address(host.partition("%")[0])
-    except ValueError:
-        return None
 
 
 def _is_public(address: IPv4Address | IPv6Address) -> bool:

@@ -31,25 +31,21 @@ class GeoParquet(TableFormat):
         # Imported where a file is written: every command that only names the outputs would wait for it.
         import pyarrow.parquet as pq  # noqa: PLC0415
 
-        from app.exports.writing.arrow import (  # noqa: PLC0415
-            GEOMETRY,
-            ROWS_PER_GROUP,
-            arrow_tables,
-            bounds_deg,
-            schema_of,
-        )
+        from app.exports.writing import arrow  # noqa: PLC0415
 
         count, bounds = 0, NO_BOUNDS
-        with pq.ParquetWriter(path, schema_of(self.layer), compression="zstd") as writer:
-            for table in arrow_tables(records, ROWS_PER_GROUP, self.layer):
+        with pq.ParquetWriter(path, arrow.schema_of(self.layer), compression="zstd") as writer:
+            for table in arrow.arrow_tables(records, arrow.ROWS_PER_GROUP, self.layer):
                 writer.write_table(table)
                 count += len(table)
-                more = bounds_deg(table)
+                more = arrow.bounds_deg(table)
                 bounds = np.r_[np.minimum(bounds[:2], more[:2]), np.maximum(bounds[2:], more[2:])]
             column: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
             if np.all(np.isfinite(bounds)):
                 column["bbox"] = bounds.tolist()
-            geo = json.dumps({"version": "1.1.0", "primary_column": GEOMETRY, "columns": {GEOMETRY: column}})
+            geo = json.dumps(
+                {"version": "1.1.0", "primary_column": arrow.GEOMETRY, "columns": {arrow.GEOMETRY: column}}
+            )
             writer.add_key_value_metadata({"geo": geo, **stated})
         return count
 

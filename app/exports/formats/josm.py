@@ -15,7 +15,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
@@ -69,24 +69,18 @@ class Josm(Format):
                 f"generator={quoteattr(generator)}>\n"
             )
             file.writelines(_nodes(proposed))
-            number = -1
-            notes: list[str] = []
-            for _, sections, nodes in proposed:
-                for section in sections:
-                    notes.append(_note(number, section, nodes, stated))
-                    number -= 1
-            file.writelines(notes)
+            numbers = count(-1, -1)
+            steep = [(section, nodes) for _, sections, nodes in proposed for section in sections]
+            file.writelines(_note(next(numbers), section, nodes, stated) for section, nodes in steep)
             for way, sections, _ in proposed:
-                for text, is_new in layer_ways(way, sections, number):
-                    file.write(text)
-                    number -= is_new
+                file.writelines(layer_ways(way, sections, numbers))
             file.write("</osm>\n")
         if proposed and not versions:
             source.note(
                 "The imported files have no versions of objects, so version is 1 throughout: download the present "
                 "state into another layer before you take anything over."
             )
-        return len(notes)
+        return len(steep)
 
 
 def pieces(way: OsmWay, sections: list[Section]) -> list[Piece]:
@@ -116,19 +110,19 @@ def _note(number: int, section: Section, nodes: Mapping[int, OsmNode], stated: S
     return f'  <node id="{number}" lat="{lat:.7f}" lon="{lon:.7f}">\n{_tags(tags)}  </node>\n'
 
 
-def layer_ways(way: OsmWay, sections: list[Section], next_number: int) -> Iterator[tuple[str, bool]]:
-    """The pieces of a way as XML, and whether each is new."""
+def layer_ways(way: OsmWay, sections: list[Section], numbers: Iterator[int]) -> Iterator[str]:
+    """The pieces of a way as XML; new ones take their numbers."""
     parts = pieces(way, sections)
     largest = max(parts, key=lambda piece: (piece.last - piece.first, -piece.first))
     for piece in parts:
-        new = piece is not largest
-        head = f'id="{next_number}"' if new else f'id="{way.id}" version="{way.version or _UNKNOWN_VERSION}"'
-        next_number -= new
+        head = f'id="{way.id}" version="{way.version or _UNKNOWN_VERSION}"'
+        if piece is not largest:
+            head = f'id="{next(numbers)}"'
         tags = dict(way.tags)
         if piece.section is not None:
             tags["incline"] = piece.section.value
         refs = "".join(f'    <nd ref="{node}"/>\n' for node in way.nodes[piece.first : piece.last + 1])
-        yield f'  <way {head} action="modify">\n{refs}{_tags(tags)}  </way>\n', new
+        yield f'  <way {head} action="modify">\n{refs}{_tags(tags)}  </way>\n'
 
 
 def _tags(tags: Mapping[str, str]) -> str:

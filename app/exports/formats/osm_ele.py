@@ -13,6 +13,7 @@ all are above one datum, which the file's header states as part of its generator
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -109,15 +110,9 @@ def heights_of(source: Source, nodes: RoadNodes) -> NodeHeights:
 
 def _measured(source: Source, nodes: RoadNodes) -> _Measured:
     measured = _Measured(np.zeros(len(nodes.node)), np.zeros(len(nodes.node)), [])
-    part: list[Segment] = []
-    for segment in source.segments(gaps=True):
-        if segment.slope_percent is None:
-            continue
-        part.append(segment)
-        if len(part) == 10_000:
-            _add(measured, nodes, part)
-            part = []
-    _add(measured, nodes, part)
+    segments = (segment for segment in source.segments(gaps=True) if segment.slope_percent is not None)
+    while part := list(islice(segments, 10_000)):
+        _add(measured, nodes, part)
     return measured
 
 
@@ -155,11 +150,11 @@ def _datum(source: Source, heights: NodeHeights, stated: Stated) -> str:
     return source.ground_datum() or "the datum of the elevation model"
 
 
-def _with_ele(node: Any, ele_m: float) -> tuple[Any, bool]:
-    """The node with its height, and whether it had one."""
+def _add_node(writer: Any, node: Any, ele_m: float) -> bool:
+    """Write the node with its height; whether it had one."""
     tags = {tag.k: tag.v for tag in node.tags}
-    had = "ele" in tags
-    return node.replace(tags=tags | {"ele": f"{ele_m:.{DIGITS}f}"}), had
+    writer.add_node(node.replace(tags=tags | {"ele": f"{ele_m:.{DIGITS}f}"}))
+    return "ele" in tags
 
 
 def _write_roads(writer: Any, files: Any, nodes: RoadNodes, ele: dict[int, float]) -> int:
@@ -168,9 +163,7 @@ def _write_roads(writer: Any, files: Any, nodes: RoadNodes, ele: dict[int, float
     for thing in merged(files):
         if thing.is_node():
             if (height := ele.get(thing.id)) is not None:
-                new, before = _with_ele(thing, height)
-                writer.add_node(new)
-                had += before
+                had += _add_node(writer, thing, height)
         elif thing.id in ways:
             writer.add_way(thing)
     return had
@@ -181,12 +174,10 @@ def _write_whole(writer: Any, path: Path, nodes: RoadNodes, ele: dict[int, float
     had = 0
     objects = osmium.FileProcessor(osmium.io.File(str(path), file_format(path)))
     for thing in only(objects.handler_for_filtered(writer), nodes.node):
-        if not thing.is_node() or thing.id not in ele:
+        if thing.is_node() and thing.id in ele:
+            had += _add_node(writer, thing, ele[thing.id])
+        else:
             writer.add(thing)
-            continue
-        new, before = _with_ele(thing, ele[thing.id])
-        writer.add_node(new)
-        had += before
     return had
 
 

@@ -9,7 +9,6 @@ go on as one line; there any stretches with two ends will do: segments, or piece
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -51,14 +50,11 @@ def chains_of(key: Ints, ids: Ints, start: Ints, end: Ints) -> Chains:
     _, way = np.unique(key, return_inverse=True)
     knotted = np.zeros(int(way.max()) + 1, bool)
     knotted[way[(leaving[start] > 1) | (coming[end] > 1)]] = True
-    chains = [
-        *_plain(np.flatnonzero(~knotted[way]), ids, start, end, places),
-        *(
-            trail
-            for rows in _groups(np.flatnonzero(knotted[way]), way)
-            for trail in _trails(rows[np.argsort(ids[rows])].tolist(), start, end)
-        ),
-    ]
+    chains = _plain(np.flatnonzero(~knotted[way]), ids, start, end, places)
+    rows = np.flatnonzero(knotted[way])
+    rows = rows[np.lexsort((ids[rows], way[rows]))]
+    for one in np.split(rows, np.flatnonzero(np.diff(way[rows])) + 1):
+        chains += _trails(one.tolist(), start, end)
     head = np.array([rows[0] for rows in chains])
     chains = [chains[k] for k in np.lexsort((ids[head], key[head])).tolist()]
     first = np.cumsum([0, *(len(rows) for rows in chains)])
@@ -112,11 +108,6 @@ def _follow(row: int, after: list[int]) -> list[int]:
     while (row := after[row]) >= 0 and row != head:
         chain.append(row)
     return chain
-
-
-def _groups(rows: Ints, way: Ints) -> Iterable[Ints]:
-    order = rows[np.argsort(way[rows], kind="stable")]
-    return np.split(order, np.flatnonzero(np.diff(way[order])) + 1) if len(rows) else ()
 
 
 def _trails(rows: list[int], start: Ints, end: Ints) -> list[list[int]]:

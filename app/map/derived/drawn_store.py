@@ -16,23 +16,8 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
+from app.map.derived import drawing
 from app.map.derived.chains import Course, chains_of, courses, places, together_m
-from app.map.derived.pieces import (
-    BELOW,
-    BLOCK,
-    CHOSEN,
-    FINEST,
-    HALF_WORLD,
-    LEVELS,
-    Level,
-    Piece,
-    Stretches,
-    children,
-    is_link,
-    pieces_of,
-    rank,
-    tile_of,
-)
 from app.map.derived.way_store import lines
 from app.network import ZOOM
 from app.network.cells import TILE_MARGIN
@@ -57,7 +42,7 @@ _CLASSES = text(
     WHERE s.cell = ANY(CAST(:cells AS integer[]))
     """
 )
-_COLUMNS = ", ".join(Piece._fields)
+_COLUMNS = ", ".join(drawing.Piece._fields)
 _PIECES = f"""
     SELECT cell, {_COLUMNS} FROM drawn_pieces
     WHERE level = %(level)s AND cell = ANY(%(tiles)s::bigint[]) ORDER BY segment_id
@@ -93,7 +78,7 @@ _RAISE = text("UPDATE cells SET drawn_version = drawn_version + 1 WHERE id = ANY
 _BEYOND = 8 * TILE_MARGIN / 2
 """Of the side of a level's tile: how far a vector tile, at most eight of them wide, draws beyond its edge."""
 
-Drawn = dict[int, dict[int, Piece]]
+Drawn = dict[int, dict[int, drawing.Piece]]
 """Pieces by tile and segment."""
 
 
@@ -107,8 +92,11 @@ class Ends(NamedTuple):
 
 
 def segments_in(
-    session: Session, cells: Collection[int], all_of: Collection[int], classes: Collection[str] = CHOSEN
-) -> tuple[Stretches, Ends]:
+    session: Session,
+    cells: Collection[int],
+    all_of: Collection[int],
+    classes: Collection[str] = drawing.CHOSEN,
+) -> tuple[drawing.Stretches, Ends]:
     """Followed segments in cells: all of ``all_of``, of others driven ones and those of the classes."""
     values = {"cells": np.array(sorted(cells), np.int64), "all_of": np.array(sorted(all_of), np.int64)}
     rows = fetch_binary(session, _SEGMENTS, {**values, "classes": sorted(classes)})
@@ -123,8 +111,8 @@ def segments_in(
 def most_important_in(session: Session, cells: Collection[int]) -> list[str]:
     """Of the classes in these tiles those of the lowest rank."""
     classes = session.execute(_CLASSES, {"cells": sorted(cells)}).scalars().all()
-    lowest = min(map(rank, classes), default=0)
-    return [highway for highway in classes if rank(highway) == lowest]
+    lowest = min(map(drawing.rank, classes), default=0)
+    return [highway for highway in classes if drawing.rank(highway) == lowest]
 
 
 def drawn(session: Session, level: int, tiles: Collection[int]) -> Drawn:
@@ -133,12 +121,12 @@ def drawn(session: Session, level: int, tiles: Collection[int]) -> Drawn:
     for tile, *row in fetch_binary(
         session, _PIECES, {"level": level, "tiles": np.array(sorted(tiles), np.int64)}
     ):
-        piece = Piece(*row)
+        piece = drawing.Piece(*row)
         pieces[tile][piece.segment_id] = piece
     return pieces
 
 
-def stretches_of(pieces: Iterable[Piece]) -> Stretches:
+def stretches_of(pieces: Iterable[drawing.Piece]) -> drawing.Stretches:
     """Pieces as what those of the level above are made of, by ascending id."""
     ordered = sorted(pieces)
     columns = list(zip(*(p[:1] + p[2:4] + (p.length_m, *p[4:7]) for p in ordered), strict=True)) or [()] * 7
@@ -147,9 +135,9 @@ def stretches_of(pieces: Iterable[Piece]) -> Stretches:
     return _stretches(columns, shapely.get_coordinates(geometry), first)
 
 
-def _stretches(columns: Any, points: Floats, first: Ints) -> Stretches:
+def _stretches(columns: Any, points: Floats, first: Ints) -> drawing.Stretches:
     ids, highway, oneway, length_m, slope, sigma, drives = columns
-    return Stretches(
+    return drawing.Stretches(
         ids=np.array(ids, np.int64),
         highway=np.array(highway, object),
         oneway=np.array(oneway, np.int64),
@@ -170,7 +158,9 @@ def replace_pieces(session: Session, level: int, before: Drawn, after: Drawn) ->
         tile, ids = (np.array(column, np.int64) for column in zip(*gone, strict=True))
         send_binary(session, _DELETE, {"level": level, "cell": tile, "id": ids})
     if new:
-        columns = dict(zip(Piece._fields, map(list, zip(*(p for _, p in new), strict=True)), strict=True))
+        columns = dict(
+            zip(drawing.Piece._fields, map(list, zip(*(p for _, p in new), strict=True)), strict=True)
+        )
         for name in ("slope_percent", "slope_sigma_percent"):
             columns[name] = np.ma.masked_invalid(np.array(columns[name], float))  # type: ignore[assignment]
         send_binary(session, _INSERT, {"level": level, "cell": [tile for tile, _ in new], **columns})
@@ -188,11 +178,11 @@ def changed_tiles(level: int, before: Drawn, after: Drawn) -> set[int]:
     own = {tile for tile in after if before[tile] != after[tile]}
     if not differing:
         return own
-    zoom = LEVELS[level].tile_zoom
-    side = 2 * HALF_WORLD / 2**zoom
+    zoom = drawing.LEVELS[level].tile_zoom
+    side = 2 * drawing.HALF_WORLD / 2**zoom
     lines = shapely.from_wkb(np.array([p.geom_3857 for p in differing], object))
     along = shapely.get_coordinates(shapely.segmentize(lines, side / 8))
-    at = np.column_stack([along[:, 0] + HALF_WORLD, HALF_WORLD - along[:, 1]]) / side
+    at = np.column_stack([along[:, 0] + drawing.HALF_WORLD, drawing.HALF_WORLD - along[:, 1]]) / side
     near = np.concatenate(
         [at + np.array([dx, dy]) for dx in (-_BEYOND, _BEYOND) for dy in (-_BEYOND, _BEYOND)]
     )
@@ -212,14 +202,14 @@ def raise_drawn(session: Session, exact: Collection[int], any_of: Mapping[int, C
         return False
     for level, tiles in any_of.items():
         for tile in sorted(tiles):
-            if not any(tile_of(cell, level) == tile for cell in taken):
+            if not any(drawing.tile_of(cell, level) == tile for cell in taken):
                 taken.add(_free_cell(session, level, tile))
     session.execute(_RAISE, {"ids": sorted(taken)})
     return True
 
 
 def _free_cell(session: Session, level: int, tile: int) -> int:
-    zoom = LEVELS[level].tile_zoom
+    zoom = drawing.LEVELS[level].tile_zoom
     by = ZOOM - zoom
     x, y = tile >> zoom, tile & ((1 << zoom) - 1)
     left, top, last = x << by, y << by, (1 << by) - 1
@@ -243,7 +233,7 @@ class Redrawn:
     before: dict[int, Drawn] = field(default_factory=dict)
     after: dict[int, Drawn] = field(default_factory=dict)
 
-    def add(self, session: Session, level: int, tile: int, pieces: Collection[Piece]) -> None:
+    def add(self, session: Session, level: int, tile: int, pieces: Collection[drawing.Piece]) -> None:
         """What a tile ought to have."""
         self.before.setdefault(level, {}).update(drawn(session, level, [tile]))
         self.after.setdefault(level, {})[tile] = {piece.segment_id: piece for piece in pieces}
@@ -256,32 +246,32 @@ class Redrawn:
 
 def draw_block(session: Session, block: int, tiles: Collection[int]) -> Redrawn:
     """A tile of the level ``BLOCK``, and those of ``FINEST`` inside it that are named."""
-    cells = children(BLOCK, block)
+    cells = drawing.children(drawing.BLOCK, block)
     stretches, ends = segments_in(session, cells, tiles)
     redrawn = Redrawn()
     for tile in tiles:
         rows = np.flatnonzero(ends.cell == tile)
         one = stretches.subset(rows)
-        redrawn.add(session, FINEST, tile, all_roads(one, Ends(*(column[rows] for column in ends))))
-    level = LEVELS[BLOCK]
+        redrawn.add(session, drawing.FINEST, tile, all_roads(one, Ends(*(column[rows] for column in ends))))
+    level = drawing.LEVELS[drawing.BLOCK]
     # Of tiles that are drawn as a whole, all is there; of the others what the level shows.
     if not any(level.chosen(highway) for highway in set(stretches.highway.tolist())):
         classes = most_important_in(session, cells)
         stretches, _ = segments_in(session, cells, (), classes)
-    redrawn.add(session, BLOCK, block, greater_roads(level, stretches))
+    redrawn.add(session, drawing.BLOCK, block, greater_roads(level, stretches))
     return redrawn
 
 
 def draw_above(session: Session, level: int, tile: int) -> Redrawn:
     """A tile of a level that is made of the pieces of the level below."""
-    below = drawn(session, BELOW[level], children(level, tile))
+    below = drawn(session, drawing.BELOW[level], drawing.children(level, tile))
     stretches = stretches_of(piece for pieces in below.values() for piece in pieces.values())
     redrawn = Redrawn()
-    redrawn.add(session, level, tile, greater_roads(LEVELS[level], stretches))
+    redrawn.add(session, level, tile, greater_roads(drawing.LEVELS[level], stretches))
     return redrawn
 
 
-def all_roads(stretches: Stretches, ends: Ends) -> list[Piece]:
+def all_roads(stretches: drawing.Stretches, ends: Ends) -> list[drawing.Piece]:
     """The pieces of the finest level: all roads of a tile, each way for itself, in its direction."""
     key = _numbers(ends.osm_way_id, stretches.oneway, _kinds(stretches))
     n = len(stretches)
@@ -292,10 +282,10 @@ def all_roads(stretches: Stretches, ends: Ends) -> list[Piece]:
     chains = chains_of(key, stretches.ids, place[:n], place[n:])
     rows, first = chains.rows.tolist(), chains.first.tolist()
     lines = [Course(rows[a:b], [False] * (b - a)) for a, b in pairwise(first)]
-    return pieces_of(LEVELS[FINEST], lines, stretches)
+    return drawing.pieces_of(drawing.LEVELS[drawing.FINEST], lines, stretches)
 
 
-def greater_roads(level: Level, stretches: Stretches) -> list[Piece]:
+def greater_roads(level: drawing.Level, stretches: drawing.Stretches) -> list[drawing.Piece]:
     """The pieces of another level: its classes, or the most important that there is, and what of others was driven."""
     chosen = _chosen(level, stretches)
     driven = np.flatnonzero(~chosen & stretches.measured)
@@ -304,18 +294,20 @@ def greater_roads(level: Level, stretches: Stretches) -> list[Piece]:
     chosen_rows = np.sort(np.concatenate([np.flatnonzero(chosen), driven[far]]))
     roads = stretches.subset(chosen_rows).one_way_forward()
     start, end = _ends(roads)
-    return pieces_of(level, courses(roads.ids, start, end, _kinds(roads), roads.oneway > 0), roads)
+    return drawing.pieces_of(level, courses(roads.ids, start, end, _kinds(roads), roads.oneway > 0), roads)
 
 
-def _chosen(level: Level, stretches: Stretches) -> Bools:
+def _chosen(level: drawing.Level, stretches: drawing.Stretches) -> Bools:
     of_class = {highway: level.chosen(highway) for highway in set(stretches.highway.tolist())}
     if of_class and not any(of_class.values()):
-        best = min((is_link(highway), rank(highway)) for highway in of_class)
-        of_class = {highway: (is_link(highway), rank(highway)) == best for highway in of_class}
+        best = min((drawing.is_link(highway), drawing.rank(highway)) for highway in of_class)
+        of_class = {
+            highway: (drawing.is_link(highway), drawing.rank(highway)) == best for highway in of_class
+        }
     return np.array([of_class[highway] for highway in stretches.highway.tolist()], bool)
 
 
-def _kinds(stretches: Stretches) -> Ints:
+def _kinds(stretches: drawing.Stretches) -> Ints:
     numbers: dict[str, int] = {}
     return np.array(
         [numbers.setdefault(highway, len(numbers)) for highway in stretches.highway.tolist()], np.int64
@@ -329,7 +321,7 @@ def _numbers(*columns: Ints) -> Ints:
     return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
 
 
-def _ends(stretches: Stretches) -> tuple[Ints, Ints]:
+def _ends(stretches: drawing.Stretches) -> tuple[Ints, Ints]:
     """Numbers of the places where stretches begin and end; those that meet share coordinates to the last digit."""
     n = len(stretches)
     if not n:

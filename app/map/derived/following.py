@@ -27,15 +27,8 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.map.derived.drawn_store import (
-    Redrawn,
-    changed_tiles,
-    draw_above,
-    draw_block,
-    raise_drawn,
-    replace_pieces,
-)
-from app.map.derived.pieces import ABOVE, BLOCK, FINEST, children, parent
+from app.map.derived import drawn_store
+from app.map.derived.drawing import ABOVE, BLOCK, FINEST, children, parent
 from app.map.derived.way_store import rows_of, segments_of, write_ways
 from app.network.swap import snapshot
 
@@ -316,9 +309,9 @@ def _draw(session: Session, level: int, tile: int) -> _Write:
         block = parent(FINEST, tile)
         inside = {"level": FINEST, "tiles": sorted(children(BLOCK, block))}
         tiles = list(session.execute(_WAITING_IN, inside).scalars())
-        redrawn = draw_block(session, block, tiles)
+        redrawn = drawn_store.draw_block(session, block, tiles)
     else:
-        tiles, redrawn = [tile], draw_above(session, level, tile)
+        tiles, redrawn = [tile], drawn_store.draw_above(session, level, tile)
 
     def write(writing: Session) -> bool:
         writing.execute(_IS_DRAWN, {"level": level, "tiles": sorted(tiles)})
@@ -327,7 +320,7 @@ def _draw(session: Session, level: int, tile: int) -> _Write:
     return write
 
 
-def _write_tiles(session: Session, redrawn: Redrawn) -> bool:
+def _write_tiles(session: Session, redrawn: drawn_store.Redrawn) -> bool:
     exact: set[int] = set()
     any_of: dict[int, set[int]] = {}
     for level, after in redrawn.after.items():
@@ -335,12 +328,12 @@ def _write_tiles(session: Session, redrawn: Redrawn) -> bool:
         changed = redrawn.changed(level)
         if not changed:
             continue
-        replace_pieces(session, level, before, after)
-        met = changed_tiles(level, before, after)
+        drawn_store.replace_pieces(session, level, before, after)
+        met = drawn_store.changed_tiles(level, before, after)
         if level == FINEST:
             exact = met
         else:
             any_of[level] = met
         if level in ABOVE:
             ask_to_draw(session, ABOVE[level], {parent(level, tile) for tile in changed})
-    return not (exact or any_of) or raise_drawn(session, exact, any_of)
+    return not (exact or any_of) or drawn_store.raise_drawn(session, exact, any_of)

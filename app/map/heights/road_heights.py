@@ -23,7 +23,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from app.map.heights.places import distances_along_m
-from app.map.heights.store import RoadHere, is_known, roads_at
+from app.map.heights.store import RoadHere, roads_at
 from fusion.frames import METRES_PER_DEGREE
 from fusion.types import Floats
 
@@ -250,12 +250,9 @@ def _end_heights(spans: dict[int, RoadHere], ends: dict[int, list[RoadHere]]) ->
 def _at_node(road: RoadHere, node: int) -> RoadHeight | None:
     share = 0.0 if road.from_node == node else 1.0
     if road.measured:
-        height = road.height_from_m if share == 0.0 else road.height_to_m
-        return (
-            RoadHeight(float(height or 0.0), road.height_sigma_m or 0.0, MEASURED)
-            if is_known(height)
-            else None
-        )
+        height_m = float((road.height_from_m if share == 0.0 else road.height_to_m) or 0.0)
+        known = math.isfinite(height_m)
+        return RoadHeight(height_m, road.height_sigma_m or 0.0, MEASURED) if known else None
     return None if road.structure else _of_model(road, share)
 
 

@@ -134,13 +134,15 @@ class Elevations(BaseModel, json_schema_extra={"examples": [ELEVATIONS_EXAMPLE]}
 router = APIRouter(tags=["heights"])
 
 
-@router.get(
-    "/height",
-    summary="Heights along a line",
-    response_model=Heights,
-    response_model_exclude_none=True,
-    responses=problems(422, 503),
-)
+_HEIGHTS_ROUTE: dict[str, Any] = {
+    "summary": "Heights along a line",
+    "response_model": Heights,
+    "response_model_exclude_none": True,
+    "responses": problems(422, 503),
+}
+
+
+@router.get("/height", **_HEIGHTS_ROUTE)
 def get_height(
     service: ServiceDep,
     json_: Annotated[
@@ -160,13 +162,7 @@ def get_height(
     return _answer(service, request)
 
 
-@router.post(
-    "/height",
-    summary="Heights along a line",
-    response_model=Heights,
-    response_model_exclude_none=True,
-    responses=problems(422, 503),
-)
+@router.post("/height", **_HEIGHTS_ROUTE)
 def post_height(service: ServiceDep, asked: HeightRequest) -> dict[str, Any]:
     """Height of the **road** at each place of a line, in the shape of Valhalla's `/height`.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,8 +112,3 @@ def one_road(session: Session, segment_id: int) -> tuple[RoadHere, int] | None:
         for drives, *columns in fetch_binary(session, _ONE, {"id": segment_id})
     ]
     return rows[0] if rows else None
-
-
-def is_known(height_m: float | None) -> bool:
-    """Whether that is a height."""
-    return height_m is not None and math.isfinite(height_m)

@@ -20,23 +20,8 @@ from app.core.http import JSON, BaseUrl, Link, Service, ServiceDep, link, link_d
 from app.core.query import refuse_unknown
 from app.core.text import GEO_JSON, utc_text
 from app.map.coverage import cached_extent, dem_names
+from app.map.items import pages
 from app.map.items.collections import COLLECTIONS, GEOMETRY, Collection, Property
-from app.map.items.pages import (
-    AS_HTML,
-    AS_SCHEMA,
-    AS_XSD,
-    HTML,
-    SCHEMA_JSON,
-    XML,
-    Crumbs,
-    FormatQuery,
-    FormDep,
-    answered,
-    crumbs,
-    described,
-    document_answer,
-    wanted,
-)
 from app.map.items.places import CRSS
 from app.map.segment import CRS84, OSM_LICENSE, OSM_LICENSE_URL, attribution
 from app.map.tiles.documents import tilesets_link
@@ -75,9 +60,11 @@ def collection_document(
     }
 
 
-def collection_crumbs(base: str, collection: Collection) -> Crumbs:
+def collection_crumbs(base: str, collection: Collection) -> pages.Crumbs:
     """The way to the pages below that of a collection."""
-    return crumbs(base, ("Collections", "collections"), (collection.title, f"collections/{collection.id}"))
+    return pages.crumbs(
+        base, ("Collections", "collections"), (collection.title, f"collections/{collection.id}")
+    )
 
 
 def collection_links(base: str, collection: Collection) -> list[Link]:
@@ -85,11 +72,11 @@ def collection_links(base: str, collection: Collection) -> list[Link]:
     here = f"{base}/collections/{collection.id}"
     return [
         link(f"{here}/items", "items", GEO_JSON, "The items, GeoJSON"),
-        link(f"{here}/items?f=html", "items", HTML, "The items as a table"),
+        link(f"{here}/items?f=html", "items", pages.HTML, "The items as a table"),
         *schema_links(base, collection),
         link(f"{base}/tiles.json", "tiles", JSON, "Vector tiles, TileJSON"),
         tilesets_link(base, collection.id),
-        link(OSM_LICENSE_URL, "license", HTML, OSM_LICENSE),
+        link(OSM_LICENSE_URL, "license", pages.HTML, OSM_LICENSE),
     ]
 
 
@@ -97,9 +84,11 @@ def collection_links(base: str, collection: Collection) -> list[Link]:
     "/collections",
     summary="Collections",
     response_class=Response,
-    responses=described("All of them.", {JSON: {"links": [], "collections": [_EXAMPLE]}}, 400, 406, 503),
+    responses=pages.described(
+        "All of them.", {JSON: {"links": [], "collections": [_EXAMPLE]}}, 400, 406, 503
+    ),
 )
-def collections(request: Request, service: ServiceDep, base: BaseUrl, form: FormDep) -> Response:
+def collections(request: Request, service: ServiceDep, base: BaseUrl, form: pages.FormDep) -> Response:
     """The road segments, and the ways that they make up."""
     here = f"{base}/collections"
     links = [*form.links(here), link(f"{base}/", "root", title="Versant")]
@@ -108,8 +97,8 @@ def collections(request: Request, service: ServiceDep, base: BaseUrl, form: Form
         for one in COLLECTIONS.values():
             own = [link(f"{here}/{one.id}", "self", title=one.title), *collection_links(base, one)]
             document["collections"].append(collection_document(service, session, one, own))
-    above = crumbs(base)
-    return document_answer(
+    above = pages.crumbs(base)
+    return pages.document_answer(
         request, form, document, links, "collections.html", "Collections", above, address=here
     )
 
@@ -117,14 +106,14 @@ def collections(request: Request, service: ServiceDep, base: BaseUrl, form: Form
 def _route(collection: Collection) -> None:
     """The route to what is said of one collection."""
 
-    def document(request: Request, service: ServiceDep, base: BaseUrl, form: FormDep) -> Response:
+    def document(request: Request, service: ServiceDep, base: BaseUrl, form: pages.FormDep) -> Response:
         here = f"{base}/collections/{collection.id}"
         up = link(f"{base}/collections", "parent", title="Collections")
         links = [*form.links(here), up, *collection_links(base, collection)]
         with service.reading() as session:
             content = collection_document(service, session, collection, links)
-        above = crumbs(base, ("Collections", "collections"))
-        return document_answer(
+        above = pages.crumbs(base, ("Collections", "collections"))
+        return pages.document_answer(
             request, form, content, links, "collection.html", collection.title, above, address=here
         )
 
@@ -135,7 +124,7 @@ def _route(collection: Collection) -> None:
         name=f"collection_{collection.id}",
         summary=f"The collection of {collection.id}",
         response_class=Response,
-        responses=described("The collection.", {JSON: _EXAMPLE}, 400, 406, 503),
+        responses=pages.described("The collection.", {JSON: _EXAMPLE}, 400, 406, 503),
     )
 
 
@@ -174,11 +163,11 @@ def schema_links(base: str, collection: Collection) -> list[Link]:
     here = f"{base}/collections/{collection.id}"
     schema, queryables, sortables = (f"{here}/{name}" for name in ("schema", "queryables", "sortables"))
     return [
-        link(schema, SCHEMA_RELATION, SCHEMA_JSON, "The properties of the items, JSON Schema"),
-        link(f"{schema}?f=xsd", "describedby", XML, "The properties of the items, XML Schema"),
-        link(f"{schema}?f=xsd", "describedBy", XML, "The same, as GDAL before 3.7 writes the relation"),
-        link(queryables, QUERYABLES_RELATION, SCHEMA_JSON, "What may be filtered by"),
-        link(sortables, SORTABLES_RELATION, SCHEMA_JSON, "What may be sorted by"),
+        link(schema, SCHEMA_RELATION, pages.SCHEMA_JSON, "The properties of the items, JSON Schema"),
+        link(f"{schema}?f=xsd", "describedby", pages.XML, "The properties of the items, XML Schema"),
+        link(f"{schema}?f=xsd", "describedBy", pages.XML, "The same, as GDAL before 3.7 writes the relation"),
+        link(queryables, QUERYABLES_RELATION, pages.SCHEMA_JSON, "What may be filtered by"),
+        link(sortables, SORTABLES_RELATION, pages.SCHEMA_JSON, "What may be sorted by"),
     ]
 
 
@@ -270,24 +259,28 @@ Maker = Callable[[str, Collection], dict[str, Any]]
 
 def _schema_route(collection: Collection, name: str, title: str, text: str, make: Maker) -> None:
     """The route to one of the documents of one collection."""
-    forms = (AS_SCHEMA, AS_XSD, AS_HTML) if make is returnables else (AS_SCHEMA, AS_HTML)
+    forms = (
+        (pages.AS_SCHEMA, pages.AS_XSD, pages.AS_HTML)
+        if make is returnables
+        else (pages.AS_SCHEMA, pages.AS_HTML)
+    )
 
-    def document(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
+    def document(request: Request, base: BaseUrl, f: pages.FormatQuery = None) -> Response:
         refuse_unknown(request, {"f"})
-        form = wanted(request, f, *forms)
+        form = pages.wanted(request, f, *forms)
         up = f"{base}/collections/{collection.id}"
         address = f"{up}/{name}"
         links = [*form.links(address), link(up, "collection", title=collection.title)]
-        if form.form is AS_XSD:
-            return answered(request, xml_schema(collection), form.media_type, links=links)
+        if form.form is pages.AS_XSD:
+            return pages.answered(request, xml_schema(collection), form.media_type, links=links)
         schema = make(address, collection)
         above = collection_crumbs(base, collection)
-        return document_answer(request, form, schema, links, "schema.html", schema["title"], above)
+        return pages.document_answer(request, form, schema, links, "schema.html", schema["title"], above)
 
     document.__doc__ = text
     contents: dict[str, Any] = {
-        SCHEMA_JSON: _SCHEMA_EXAMPLE,
-        **({XML: "<xs:schema/>"} if AS_XSD in forms else {}),
+        pages.SCHEMA_JSON: _SCHEMA_EXAMPLE,
+        **({pages.XML: "<xs:schema/>"} if pages.AS_XSD in forms else {}),
     }
     router.add_api_route(
         f"/collections/{collection.id}/{name}",
@@ -295,7 +288,7 @@ def _schema_route(collection: Collection, name: str, title: str, text: str, make
         name=f"{name}_of_{collection.id}",
         summary=f"{title} of {collection.id}",
         response_class=Response,
-        responses=described(f"{title}.", contents, 400, 406),
+        responses=pages.described(f"{title}.", contents, 400, 406),
     )
 
 

@@ -8,38 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from app.map.segment import HEIGHT_DATUM, JSON_TYPES, Column, Segment, Way, kind_of
+from app.map.segment import HEIGHT_DATUM, Column, Record, Segment, Way
 
 GEOMETRY = "geometry"
 """By this name filters know the line."""
 
 
-@dataclass(frozen=True)
-class Property:
-    """One property of a collection's features."""
+@dataclass(frozen=True, kw_only=True)
+class Property(Column):
+    """One property of a collection's features: its ``sql`` is over the tables of ``Collection.source``."""
 
     name: str
-    sql: str
-    """The expression that reads it, over the tables of ``Collection.source``."""
-    type: str
-    """In JSON Schema: integer, number, string, boolean."""
     title: str
     description: str
-    format: str | None = None
-    """In JSON Schema: int32, int64, date-time; None for others."""
     unit: str | None = None
     """UCUM: %, m, 1 (a share)."""
     nullable: bool = False
-    digits: int | None = None
-    """Decimal places, of numbers."""
     values: tuple[str | int, ...] = ()
     """All that there are, where they are few and known."""
-
-    @property
-    def kind(self) -> str:
-        """What filters compare it with: integer, number, string, boolean, time."""
-        return kind_of(self.type, self.format)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,41 +105,15 @@ _TEXTS: Mapping[str, tuple[str, str, str | None]] = {
     "measured_share": ("Share that was measured", "Of the length, 0 to 1, in segments with a slope.", "1"),
 }
 
-_ALWAYS = frozenset(
-    {
-        "id",
-        "osm_way_id",
-        "from_node",
-        "to_node",
-        "segments",
-        "length_m",
-        "highway",
-        "oneway",
-        "bridge",
-        "tunnel",
-    }
-    | {"drives", "observations", "measured_share"}
-)
-"""What every feature has."""
 
-
-def _properties(columns: Mapping[str, Column]) -> dict[str, Property]:
-    properties = {}
-    for name, column in columns.items():
+def _properties(record: type[Record]) -> dict[str, Property]:
+    properties: dict[str, Property] = {}
+    for name, column in record.columns.items():
         title, description, unit = _TEXTS[name]
-        type_, format_ = JSON_TYPES[column.arrow]
-        properties[name] = Property(
-            name=name,
-            sql=column.sql,
-            type=type_,
-            format=format_,
-            title=title,
-            description=description,
-            unit=unit,
-            nullable=name not in _ALWAYS,
-            digits=column.digits,
-            values=(-1, 0, 1) if name == "oneway" else (),
-        )
+        nullable = name in record.optional and name != "id"
+        values = (-1, 0, 1) if name == "oneway" else ()
+        about: dict[str, Any] = {"title": title, "description": description, "unit": unit}
+        properties[name] = Property(**vars(column), **about, name=name, nullable=nullable, values=values)
     return properties
 
 
@@ -172,7 +134,7 @@ SEGMENTS = Collection(
         f"deviation height_sigma_m, above {HEIGHT_DATUM}; steepest_percent is the mean grade over the steepest 20 m "
         "inside, from steepest_from_m to steepest_to_m; driven_share is how much of the segment was driven, 0 to 1."
     ),
-    properties=_properties(Segment.columns),
+    properties=_properties(Segment),
     source=f"{_JOINED} AND a.drives > 0",
     source_with_gaps=_JOINED,
     table="segments AS s",
@@ -193,7 +155,7 @@ WAYS = Collection(
         "is the mean grade over the steepest 20 m, from steepest_from_m to steepest_to_m. A way is derived from its "
         "segments and follows them after a moment. Unknown is null."
     ),
-    properties=_properties(Way.columns),
+    properties=_properties(Way),
     source="ways AS w",
     table="ways AS w",
     keys={"w": "w.id"},

@@ -12,23 +12,8 @@ from collections.abc import Callable
 from typing import Any
 
 from app.core.errors import BadQueryError
+from app.map.items import cql
 from app.map.items.collections import GEOMETRY, Collection
-from app.map.items.cql import (
-    ARITHMETIC,
-    COMPARED,
-    EXACT,
-    FUNCTIONS,
-    JSON,
-    NUMBERS,
-    OF_TEXTS,
-    SPATIAL,
-    TEMPORAL,
-    Value,
-    describe,
-    ends_in_escape,
-    parse_filter,
-    whole_numbers,
-)
 from app.map.items.paging import MAX_ID
 from app.map.items.places import Condition, Crs, interval, moment, span, wkb_of
 from app.map.segment import SQL_TYPES
@@ -61,7 +46,7 @@ class _Compiler:
     def _error(self, reason: str, about: str | None = None) -> BadQueryError:
         """Say what is wrong, and where: in JSON the way to it, in text where what it is about stands."""
         where = ""
-        if self._language == JSON:
+        if self._language == cql.JSON:
             where = f" (at {''.join(self._path).lstrip('.')})" if self._path else ""
         elif about is not None and (match := re.search(rf"(?<![\w']){re.escape(about)}(?!\w)", self._text)):
             where = f" (at character {match.start() + 1})"
@@ -78,32 +63,32 @@ class _Compiler:
         self._path.pop()
         return value
 
-    def _value(self, node: Any) -> Value:
+    def _value(self, node: Any) -> cql.Value:
         self._nodes += 1
         if self._nodes > MOST_NODES:
             raise self._error(f"it has more than {MOST_NODES} parts")
         if isinstance(node, dict):
             return self._of_object(node)
         if node is None:
-            return Value("null")
+            return cql.Value("null")
         if isinstance(node, bool):
-            return Value("boolean", literal=node)
+            return cql.Value("boolean", literal=node)
         if isinstance(node, str):
-            return Value("string", literal=node)
+            return cql.Value("string", literal=node)
         if isinstance(node, int | float):
-            return Value("number", literal=self._number(node))
+            return cql.Value("number", literal=self._number(node))
         raise self._error("a list stands only on the right of IN")
 
     def _number(self, value: float) -> float:
         if not math.isfinite(value):
             raise self._error("a number is too large")
-        if isinstance(value, float) and value.is_integer() and abs(value) <= EXACT:
+        if isinstance(value, float) and value.is_integer() and abs(value) <= cql.EXACT:
             return int(value)
         if isinstance(value, int) and abs(value) > MAX_ID:
             return float(value)
         return value
 
-    def _of_object(self, node: dict[str, Any]) -> Value:
+    def _of_object(self, node: dict[str, Any]) -> cql.Value:
         if "op" in node:
             return self._of_operator(str(node["op"]), node.get("args", []))
         if "property" in node:
@@ -118,25 +103,25 @@ class _Compiler:
             return self._geometry(node)
         raise self._error("there is an object that is neither operator, property, time nor geometry")
 
-    def _property(self, name: Any) -> Value:
+    def _property(self, name: Any) -> cql.Value:
         if name in {GEOMETRY, "geom"}:
-            return Value("line", self._collection.line)
+            return cql.Value("line", self._collection.line)
         known = self._collection.properties
         if name not in known:
             raise self._error(
                 f"there is no property {name!r}. There are: {', '.join([*known, GEOMETRY])}", str(name)
             )
-        return Value(known[name].kind, known[name].sql)
+        return cql.Value(known[name].kind, known[name].sql)
 
-    def _time(self, word: str, text: Any) -> Value:
+    def _time(self, word: str, text: Any) -> cql.Value:
         try:
             if not isinstance(text, str) or (word == "date") != (len(text.strip()) == len("2026-11-20")):
                 raise ValueError(f"{text!r} is no {word}")
-            return Value("time", literal=text, sql=self._parameter(moment(text), "time"))
+            return cql.Value("time", literal=text, sql=self._parameter(moment(text), "time"))
         except (ValueError, OverflowError) as error:
             raise self._error(str(error), str(text)) from error
 
-    def _interval(self, ends: Any) -> Value:
+    def _interval(self, ends: Any) -> cql.Value:
         if not (isinstance(ends, list) and len(ends) == 2):
             raise self._error("an interval has two ends; an open one is '..'")
         if all(isinstance(end, str) for end in ends):
@@ -145,11 +130,11 @@ class _Compiler:
             except (ValueError, OverflowError) as error:
                 raise self._error(str(error), "INTERVAL") from error
             start, end = first or "-infinity", last or "infinity"
-            return Value("span", self._parameter(start, "time"), end=self._parameter(end, "time"))
+            return cql.Value("span", self._parameter(start, "time"), end=self._parameter(end, "time"))
         start_sql, end_sql = (self._end(end, n) for n, end in enumerate(ends))
-        return Value("span", start_sql, end=end_sql)
+        return cql.Value("span", start_sql, end=end_sql)
 
-    def _read_time(self, value: Value) -> Value:
+    def _read_time(self, value: cql.Value) -> cql.Value:
         """A text that was written where a time stands, as one; anything else as it is."""
         if value.kind != "string" or not value.is_literal:
             return value
@@ -163,7 +148,7 @@ class _Compiler:
             raise self._error(f"an interval is of times, not of a {value.kind}")
         return value.sql
 
-    def _geometry(self, node: dict[str, Any]) -> Value:
+    def _geometry(self, node: dict[str, Any]) -> cql.Value:
         try:
             wkb = wkb_of(node, self._crs)
         except (ValueError, BadQueryError) as error:
@@ -173,9 +158,9 @@ class _Compiler:
             ) from error
         name = f"f{len(self.values)}"
         self.values[name] = wkb
-        return Value("line", f"ST_GeomFromWKB(%({name})s, 4326)")
+        return cql.Value("line", f"ST_GeomFromWKB(%({name})s, 4326)")
 
-    def _of_operator(self, written: str, args: Any) -> Value:
+    def _of_operator(self, written: str, args: Any) -> cql.Value:
         op = written.lower()
         if not isinstance(args, list):
             raise self._error(f"the arguments of {written} must be a list")
@@ -189,95 +174,95 @@ class _Compiler:
                     )
                 return self._bounded(reader(op, args))
         raise self._error(
-            f"there is no function {written!r}. There are: {', '.join(FUNCTIONS).upper()}", written
+            f"there is no function {written!r}. There are: {', '.join(cql.FUNCTIONS).upper()}", written
         )
 
-    def _bounded(self, value: Value) -> Value:
+    def _bounded(self, value: cql.Value) -> cql.Value:
         if len(value.sql) + len(value.end) > MOST_SQL_CHARACTERS:
             raise self._error(f"it becomes more than {MOST_SQL_CHARACTERS} characters of SQL")
         return value
 
-    def _readers(self) -> list[tuple[Any, tuple[int, ...], Callable[[str, list[Any]], Value]]]:
+    def _readers(self) -> list[tuple[Any, tuple[int, ...], Callable[[str, list[Any]], cql.Value]]]:
         return [
-            (COMPARED, (2,), self._comparison),
+            (cql.COMPARED, (2,), self._comparison),
             ({"between"}, (3,), self._comparison),
             ({"not"}, (1,), self._negation),
             ({"isnull"}, (1,), self._unknown),
             ({"in"}, (2,), self._in),
             ({"like"}, (2,), self._like),
-            (ARITHMETIC, (2,), self._computation),
-            (OF_TEXTS, (1,), self._of_text),
-            (SPATIAL, (2,), self._place),
-            (TEMPORAL, (2,), self._moments),
+            (cql.ARITHMETIC, (2,), self._computation),
+            (cql.OF_TEXTS, (1,), self._of_text),
+            (cql.SPATIAL, (2,), self._place),
+            (cql.TEMPORAL, (2,), self._moments),
         ]
 
-    def _arguments(self, args: list[Any]) -> list[Value]:
+    def _arguments(self, args: list[Any]) -> list[cql.Value]:
         return [self._at(f".args[{n}]", arg, self._value) for n, arg in enumerate(args)]
 
-    def _junction(self, op: str, args: list[Any]) -> Value:
+    def _junction(self, op: str, args: list[Any]) -> cql.Value:
         if len(args) < 2:
             raise self._error(f"{op.upper()} takes two conditions or more")
         parts = [self._at(f".args[{n}]", arg, self.condition) for n, arg in enumerate(args)]
-        return Value("boolean", "(" + f" {op.upper()} ".join(parts) + ")")
+        return cql.Value("boolean", "(" + f" {op.upper()} ".join(parts) + ")")
 
-    def _negation(self, _op: str, args: list[Any]) -> Value:
-        return Value("boolean", f"(NOT {self._at('.args[0]', args[0], self.condition)})")
+    def _negation(self, _op: str, args: list[Any]) -> cql.Value:
+        return cql.Value("boolean", f"(NOT {self._at('.args[0]', args[0], self.condition)})")
 
-    def _unknown(self, _op: str, args: list[Any]) -> Value:
+    def _unknown(self, _op: str, args: list[Any]) -> cql.Value:
         (value,) = self._arguments(args)
-        return Value("boolean", f"({self._sql(value)} IS NULL)")
+        return cql.Value("boolean", f"({self._sql(value)} IS NULL)")
 
-    def _comparison(self, op: str, args: list[Any]) -> Value:
-        template = COMPARED.get(op, "({0} BETWEEN {1} AND {2})")
-        return Value("boolean", template.format(*self._alike(op, self._arguments(args))))
+    def _comparison(self, op: str, args: list[Any]) -> cql.Value:
+        template = cql.COMPARED.get(op, "({0} BETWEEN {1} AND {2})")
+        return cql.Value("boolean", template.format(*self._alike(op, self._arguments(args))))
 
-    def _in(self, op: str, args: list[Any]) -> Value:
+    def _in(self, op: str, args: list[Any]) -> cql.Value:
         if not (isinstance(args[1], list) and 0 < len(args[1]) <= MOST_LISTED):
             raise self._error(f"IN takes a list of 1 to {MOST_LISTED} values", "IN")
         listed = [self._at(f".args[1][{n}]", one, self._value) for n, one in enumerate(args[1])]
         value, *among = self._alike(op, [*self._arguments(args[:1]), *listed])
         # IN would compare one by one with what is no constant, and copy the value for each.
-        return Value("boolean", f"({value} = ANY(ARRAY[{', '.join(among)}]))")
+        return cql.Value("boolean", f"({value} = ANY(ARRAY[{', '.join(among)}]))")
 
-    def _like(self, op: str, args: list[Any]) -> Value:
+    def _like(self, op: str, args: list[Any]) -> cql.Value:
         value, pattern = self._arguments(args)
         if {value.kind, pattern.kind} != {"string"}:
             raise self._error("LIKE compares texts", "LIKE")
-        if pattern.is_literal and ends_in_escape(pattern.literal):
+        if pattern.is_literal and cql.ends_in_escape(pattern.literal):
             raise self._error("a pattern must not end in a lone backslash", "LIKE")
-        return Value("boolean", f"({self._sql(value)} LIKE {self._sql(pattern)})")
+        return cql.Value("boolean", f"({self._sql(value)} LIKE {self._sql(pattern)})")
 
-    def _computation(self, op: str, args: list[Any]) -> Value:
+    def _computation(self, op: str, args: list[Any]) -> cql.Value:
         values = self._arguments(args)
-        if not {value.kind for value in values} <= NUMBERS:
+        if not {value.kind for value in values} <= cql.NUMBERS:
             raise self._error(f"{op} computes with numbers")
         a, b = (
             self._parameter(float(v.literal), "number") if v.is_literal else f"CAST({v.sql} AS float8)"
             for v in values
         )
-        return Value("number", ARITHMETIC[op].format(a=a, b=b))
+        return cql.Value("number", cql.ARITHMETIC[op].format(a=a, b=b))
 
-    def _of_text(self, op: str, args: list[Any]) -> Value:
+    def _of_text(self, op: str, args: list[Any]) -> cql.Value:
         (value,) = self._arguments(args)
         if value.kind != "string":
             raise self._error(f"{op.upper()} takes a text, not a {value.kind}")
-        if value.is_literal and ends_in_escape(value.literal):
+        if value.is_literal and cql.ends_in_escape(value.literal):
             raise self._error("a text must not end in a lone backslash here")
-        return Value("string", OF_TEXTS[op].format(a=self._sql(value)))
+        return cql.Value("string", cql.OF_TEXTS[op].format(a=self._sql(value)))
 
-    def _place(self, op: str, args: list[Any]) -> Value:
+    def _place(self, op: str, args: list[Any]) -> cql.Value:
         first, second = self._arguments(args)
         if {first.kind, second.kind} != {"line"}:
             raise self._error(
                 f"{op.upper()} compares geometries: {GEOMETRY}, or one such as POINT(8.4 49.0)", op
             )
-        return Value("boolean", SPATIAL[op].format(a=first.sql, b=second.sql))
+        return cql.Value("boolean", cql.SPATIAL[op].format(a=first.sql, b=second.sql))
 
-    def _moments(self, op: str, args: list[Any]) -> Value:
+    def _moments(self, op: str, args: list[Any]) -> cql.Value:
         (a0, a1), (b0, b1) = (self._ends(op, value) for value in self._arguments(args))
-        return Value("boolean", f"({TEMPORAL[op].format(a0=a0, a1=a1, b0=b0, b1=b1)})")
+        return cql.Value("boolean", f"({cql.TEMPORAL[op].format(a0=a0, a1=a1, b0=b0, b1=b1)})")
 
-    def _ends(self, op: str, value: Value) -> tuple[str, str]:
+    def _ends(self, op: str, value: cql.Value) -> tuple[str, str]:
         """Beginning and end of a time, as SQL: a date is a day, a timestamp what its digits leave open."""
         if value.kind == "span":
             return value.sql, value.end
@@ -291,7 +276,7 @@ class _Compiler:
         first, last = span(value.literal)
         return self._parameter(first, "time"), self._parameter(last, "time")
 
-    def _alike(self, op: str, values: list[Value]) -> list[str]:
+    def _alike(self, op: str, values: list[cql.Value]) -> list[str]:
         """The SQL of values that are compared with each other, of one kind."""
         kinds = {value.kind for value in values}
         if "null" in kinds:
@@ -299,33 +284,33 @@ class _Compiler:
         if kinds == {"time", "string"}:
             values = [self._time_of(value) for value in values]
             kinds = {"time"}
-        if kinds <= NUMBERS:
-            return [self._sql(value, whole=whole_numbers(values)) for value in values]
+        if kinds <= cql.NUMBERS:
+            return [self._sql(value, whole=cql.whole_numbers(values)) for value in values]
         if (
             len(kinds) > 1
             or kinds & {"line", "span"}
             or (kinds == {"boolean"} and op not in {"=", "<>", "in"})
         ):
             raise self._error(
-                f"{op.upper()} cannot compare {' with '.join(describe(value) for value in values[:2])}"
+                f"{op.upper()} cannot compare {' with '.join(cql.describe(value) for value in values[:2])}"
             )
         return [self._sql(value) for value in values]
 
-    def _time_of(self, value: Value) -> Value:
+    def _time_of(self, value: cql.Value) -> cql.Value:
         if value.kind == "time":
             return value
         if not value.is_literal:
             raise self._error("a time cannot be compared with a text")
         return self._time("timestamp" if ":" in value.literal else "date", value.literal)
 
-    def _sql(self, value: Value, *, whole: bool = False) -> str:
+    def _sql(self, value: cql.Value, *, whole: bool = False) -> str:
         if value.sql or not value.is_literal:
             return value.sql or "NULL"
         if value.kind == "number":
             if isinstance(value.literal, float) and value.literal.is_integer() and whole:
                 raise self._error(
-                    f"{value.literal:.0f} would not be compared exactly; whole numbers go up to {EXACT}, in {JSON} up "
-                    f"to {MAX_ID}"
+                    f"{value.literal:.0f} would not be compared exactly; whole numbers go up to {cql.EXACT}, in "
+                    f"{cql.JSON} up to {MAX_ID}"
                 )
             exact = isinstance(value.literal, int) and whole
             return self._parameter(
@@ -340,4 +325,4 @@ def filter_condition(text: str, language: str, crs: Crs, collection: Collection)
     Raises ``BadQueryError`` that says what is wrong, where, and what there is.
     """
     compiler = _Compiler(collection, crs, text, language)
-    return Condition(compiler.condition(parse_filter(text, language)), compiler.values)
+    return Condition(compiler.condition(cql.parse_filter(text, language)), compiler.values)

@@ -15,21 +15,8 @@ from app.core.errors import NotAcceptableError
 from app.core.http import JSON, BaseUrl, link, link_documents
 from app.core.query import refuse_unknown
 from app.core.text import dumps
+from app.map.items import pages
 from app.map.items.openapi30 import openapi_30
-from app.map.items.pages import (
-    AS_HTML,
-    HTML,
-    Form,
-    FormatQuery,
-    FormDep,
-    Wanted,
-    answered,
-    crumbs,
-    described,
-    document_answer,
-    page_answer,
-    wanted,
-)
 from app.map.segment import attribution
 from app.map.tiles.documents import SCHEMES_REL, tilesets_link
 from app.map.tiles.routes import TILES_CONFORMANCE
@@ -38,43 +25,35 @@ BIND_NOTE = (
     "There is no access control yet: the service listens only on this machine's loopback address unless it "
     "is told otherwise (VERSANT_HOST, --host). Whoever reaches it can read, upload and delete drives."
 )
-_FEATURES = "http://www.opengis.net/spec/ogcapi-features-"
-CORE_CLASSES = (
-    f"{_FEATURES}1/1.0/conf/core",
-    f"{_FEATURES}1/1.0/conf/oas30",
-    f"{_FEATURES}1/1.0/conf/html",
-    f"{_FEATURES}1/1.0/conf/geojson",
+
+
+def _classes(part: str, *names: str) -> tuple[str, ...]:
+    """Each is declared because the tests that are named after its abstract tests hold (``tests/app/map/items``)."""
+    return tuple(f"http://www.opengis.net/spec/{part}/1.0/conf/{name}" for name in names)
+
+
+CORE_CLASSES = _classes("ogcapi-features-1", "core", "oas30", "html", "geojson")
+CRS_CLASSES = _classes("ogcapi-features-2", "crs")
+QUERY_CLASSES = _classes(
+    "ogcapi-features-3", "queryables", "queryables-query-parameters", "filter", "features-filter"
 )
-"""Each is declared because the tests that are named after its abstract tests hold (``tests/app/map/items``)."""
-CRS_CLASSES = (f"{_FEATURES}2/1.0/conf/crs",)
-QUERY_CLASSES = (
-    f"{_FEATURES}3/1.0/conf/queryables",
-    f"{_FEATURES}3/1.0/conf/queryables-query-parameters",
-    f"{_FEATURES}3/1.0/conf/filter",
-    f"{_FEATURES}3/1.0/conf/features-filter",
+CQL2_CLASSES = _classes(
+    "cql2",
+    "cql2-text",
+    "cql2-json",
+    "basic-cql2",
+    "advanced-comparison-operators",
+    "case-insensitive-comparison",
+    "accent-insensitive-comparison",
+    "basic-spatial-functions",
+    "basic-spatial-functions-plus",
+    "spatial-functions",
+    "temporal-functions",
+    "property-property",
+    "arithmetic",
 )
-_CQL2 = "http://www.opengis.net/spec/cql2/1.0/conf/"
-CQL2_CLASSES = tuple(
-    _CQL2 + name
-    for name in (
-        "cql2-text",
-        "cql2-json",
-        "basic-cql2",
-        "advanced-comparison-operators",
-        "case-insensitive-comparison",
-        "accent-insensitive-comparison",
-        "basic-spatial-functions",
-        "basic-spatial-functions-plus",
-        "spatial-functions",
-        "temporal-functions",
-        "property-property",
-        "arithmetic",
-    )
-)
-SCHEMA_CLASSES = (
-    f"{_FEATURES}5/1.0/conf/schemas",
-    f"{_FEATURES}5/1.0/conf/core-roles-features",
-    f"{_FEATURES}5/1.0/conf/returnables-and-receivables",
+SCHEMA_CLASSES = _classes(
+    "ogcapi-features-5", "schemas", "core-roles-features", "returnables-and-receivables"
 )
 CONFORMANCE = (
     *CORE_CLASSES,
@@ -92,9 +71,9 @@ router = APIRouter(tags=["map"])
     "/",
     summary="Landing page",
     response_class=Response,
-    responses=described("Links to all there is.", {JSON: {"links": []}}, 400, 406),
+    responses=pages.described("Links to all there is.", {JSON: {"links": []}}, 400, 406),
 )
-def landing(request: Request, base: BaseUrl, form: FormDep) -> Response:
+def landing(request: Request, base: BaseUrl, form: pages.FormDep) -> Response:
     """Where everything is."""
     links = [
         *form.links(f"{base}/"),
@@ -105,7 +84,7 @@ def landing(request: Request, base: BaseUrl, form: FormDep) -> Response:
             "The API, OpenAPI 3.0",
         ),
         link(f"{base}/openapi.json", "service-desc", OPENAPI_31.media_types[0], "The API, OpenAPI 3.1"),
-        link(f"{base}/docs", "service-doc", HTML, "The documentation, for people"),
+        link(f"{base}/docs", "service-doc", pages.HTML, "The documentation, for people"),
         link(f"{base}/conformance", "conformance", title="Conformance classes"),
         link(f"{base}/collections", "data", title="Collections"),
         link(f"{base}/tiles.json", "tiles", title="Vector tiles, TileJSON 3"),
@@ -122,28 +101,28 @@ def landing(request: Request, base: BaseUrl, form: FormDep) -> Response:
         "attribution": attribution(),
         "links": link_documents(links),
     }
-    return document_answer(request, form, document, links, "landing.html", "Versant", ())
+    return pages.document_answer(request, form, document, links, "landing.html", "Versant", ())
 
 
 @router.get(
     "/conformance",
     summary="Conformance classes",
     response_class=Response,
-    responses=described("The classes.", {JSON: {"conformsTo": list(CONFORMANCE)}}, 400, 406),
+    responses=pages.described("The classes.", {JSON: {"conformsTo": list(CONFORMANCE)}}, 400, 406),
 )
-def conformance(request: Request, base: BaseUrl, form: FormDep) -> Response:
+def conformance(request: Request, base: BaseUrl, form: pages.FormDep) -> Response:
     """The parts of OGC standards that this service keeps to."""
     links = form.links(f"{base}/conformance")
     document = {"conformsTo": list(CONFORMANCE), "links": link_documents(links)}
-    return document_answer(
-        request, form, document, links, "conformance.html", "Conformance classes", crumbs(base)
+    return pages.document_answer(
+        request, form, document, links, "conformance.html", "Conformance classes", pages.crumbs(base)
     )
 
 
 _OPENAPI = "application/vnd.oai.openapi+json"
-OPENAPI_31 = Form(("json", "openapi-3.1"), (f"{_OPENAPI};version=3.1", JSON), "OpenAPI 3.1")
-OPENAPI_30 = Form(("openapi-3.0",), (f"{_OPENAPI};version=3.0",), "OpenAPI 3.0")
-_FORMS = (OPENAPI_31, OPENAPI_30, AS_HTML)
+OPENAPI_31 = pages.Form(("json", "openapi-3.1"), (f"{_OPENAPI};version=3.1", JSON), "OpenAPI 3.1")
+OPENAPI_30 = pages.Form(("openapi-3.0",), (f"{_OPENAPI};version=3.0",), "OpenAPI 3.0")
+_FORMS = (OPENAPI_31, OPENAPI_30, pages.AS_HTML)
 _EXAMPLES = {
     media_type: {"openapi": version}
     for form, version in ((OPENAPI_31, "3.1.0"), (OPENAPI_30, "3.0.3"))
@@ -155,9 +134,9 @@ _EXAMPLES = {
     "/openapi.json",
     summary="The API's description",
     response_class=Response,
-    responses=described("OpenAPI 3.1, 3.0, or a plain page.", _EXAMPLES, 400, 406),
+    responses=pages.described("OpenAPI 3.1, 3.0, or a plain page.", _EXAMPLES, 400, 406),
 )
-def openapi(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
+def openapi(request: Request, base: BaseUrl, f: pages.FormatQuery = None) -> Response:
     """Everything that can be asked, with examples: OpenAPI 3.1.
 
     With `f=openapi-3.0`, or `Accept: application/vnd.oai.openapi+json;version=3.0`, the same in OpenAPI 3.0; with
@@ -165,29 +144,29 @@ def openapi(request: Request, base: BaseUrl, f: FormatQuery = None) -> Response:
     """
     refuse_unknown(request, {"f"})
     form = _version(request, f)
-    documentation = link(f"{base}/docs", "alternate", HTML, "The documentation")
+    documentation = link(f"{base}/docs", "alternate", pages.HTML, "The documentation")
     links = [*form.links(f"{base}/openapi.json"), documentation]
     if form.html:
         document = request.app.openapi()
         parts = {"information": document["info"], "groups": _groups(document)}
-        return page_answer(request, "api.html", "The API", crumbs(base), links, **parts)
-    return answered(request, _text(request.app, form.form), form.media_type, links=links)
+        return pages.page_answer(request, "api.html", "The API", pages.crumbs(base), links, **parts)
+    return pages.answered(request, _text(request.app, form.form), form.media_type, links=links)
 
 
-def _version(request: Request, f: str | None) -> Wanted:
+def _version(request: Request, f: str | None) -> pages.Wanted:
     """As ``wanted``, but by the version too, which is a parameter of the media type."""
     accept = request.headers.get("accept", "").strip() or "*/*"
     if f is not None:
-        return wanted(request, f, *_FORMS)
+        return pages.wanted(request, f, *_FORMS)
     ranges = sorted((_range(item) for item in accept.split(",")), key=lambda one: -one[2])
     for name, version, weight in ranges:
         if weight > 0 and name in {_OPENAPI, "application/openapi+json"}:
             form = OPENAPI_30 if version.startswith("3.0") else OPENAPI_31
-            return Wanted(form, form.media_types[0], _FORMS, None)
+            return pages.Wanted(form, form.media_types[0], _FORMS, None)
         if weight > 0 and name in {JSON, "application/*", "*/*"}:
-            return Wanted(OPENAPI_31, JSON, _FORMS, None)
-        if weight > 0 and name in {HTML, "text/*"}:
-            return Wanted(AS_HTML, HTML, _FORMS, None)
+            return pages.Wanted(OPENAPI_31, JSON, _FORMS, None)
+        if weight > 0 and name in {pages.HTML, "text/*"}:
+            return pages.Wanted(pages.AS_HTML, pages.HTML, _FORMS, None)
     offered = ", ".join(media_type for form in _FORMS for media_type in form.media_types)
     raise NotAcceptableError(f"There is no such form of this document. There are: {offered}.")
 
@@ -203,7 +182,7 @@ def _range(item: str) -> tuple[str, str, float]:
 
 
 @lru_cache(maxsize=4)
-def _text(app: FastAPI, form: Form) -> str:
+def _text(app: FastAPI, form: pages.Form) -> str:
     """The document's text, made once in an application's life."""
     document = app.openapi()
     return dumps(openapi_30(document) if form is OPENAPI_30 else document)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping
+from itertools import count
 from typing import Any
 
 Json = dict[str, Any]
@@ -17,30 +18,11 @@ VERSION = "3.0.3"
 _LICENSES = {"Apache-2.0": "https://www.apache.org/licenses/LICENSE-2.0"}
 """3.0 wants an address where 3.1 takes an identifier."""
 
-_ONLY_31 = frozenset(
-    {
-        "$schema",
-        "$id",
-        "$anchor",
-        "$comment",
-        "$defs",
-        "$dynamicRef",
-        "$dynamicAnchor",
-        "$vocabulary",
-        "if",
-        "then",
-    }
-    | {
-        "else",
-        "contains",
-        "minContains",
-        "maxContains",
-        "patternProperties",
-        "propertyNames",
-        "dependentSchemas",
-    }
-    | {"dependentRequired", "unevaluatedItems", "unevaluatedProperties", "contentEncoding", "contentSchema"}
-)
+_ONLY_31 = frozenset({
+    "$schema", "$id", "$anchor", "$comment", "$defs", "$dynamicRef", "$dynamicAnchor", "$vocabulary", "if", "then",
+    "else", "contains", "minContains", "maxContains", "patternProperties", "propertyNames", "dependentSchemas",
+    "dependentRequired", "unevaluatedItems", "unevaluatedProperties", "contentEncoding", "contentSchema",
+})  # fmt: skip
 _LISTS = ("allOf", "anyOf", "oneOf")
 _NULL = {"type": "null"}
 _NULL_30 = {"enum": [None], "nullable": True}
@@ -53,7 +35,10 @@ def openapi_30(document: Mapping[str, Any]) -> Json:
     older["openapi"] = VERSION
     for name in ("webhooks", "jsonSchemaDialect"):
         older.pop(name, None)
-    _information(older["info"])
+    older["info"].pop("summary", None)
+    identifier = older["info"].get("license", {}).pop("identifier", None)
+    if identifier in _LICENSES:
+        older["info"]["license"]["url"] = _LICENSES[identifier]
     components = older.setdefault("components", {})
     components.pop("pathItems", None)
     components["schemas"] = {
@@ -75,14 +60,10 @@ def schema_30(schema: Any) -> Json:
     _parts(older)
     _choices(older)
     _types(older)
-    return _reference(older)
-
-
-def _information(info: Json) -> None:
-    info.pop("summary", None)
-    identifier = info.get("license", {}).pop("identifier", None)
-    if identifier in _LICENSES:
-        info["license"]["url"] = _LICENSES[identifier]
+    if "$ref" in older and len(older) > 1:
+        # In 3.0 nothing that stands beside a reference counts.
+        return {"allOf": [{"$ref": older.pop("$ref")}], **older}
+    return older
 
 
 def _place(value: Any) -> Any:
@@ -134,11 +115,9 @@ def _lists_of_items(schema: Json) -> None:
     kinds = [*first, *([rest] if isinstance(rest, dict) else [])]
     if rest is False:
         schema["maxItems"] = min(len(first), schema.get("maxItems", len(first)))
-    schema["items"] = {} if rest is True else kinds[0] if _all_equal(kinds) else {"anyOf": kinds}
-
-
-def _all_equal(values: list[Any]) -> bool:
-    return all(value == values[0] for value in values)
+    schema["items"] = (
+        {} if rest is True else kinds[0] if all(kind == kinds[0] for kind in kinds) else {"anyOf": kinds}
+    )
 
 
 def _parts(schema: Json) -> None:
@@ -149,12 +128,9 @@ def _parts(schema: Json) -> None:
             schema[name] = schema_30(schema[name])
     if isinstance(schema.get("additionalProperties"), dict):
         schema["additionalProperties"] = schema_30(schema["additionalProperties"])
-    if _is_list(schema.get("type")) or schema.get("type") == "array":
+    type_ = schema.get("type")
+    if type_ == "array" or (isinstance(type_, list) and "array" in type_):
         schema.setdefault("items", {})
-
-
-def _is_list(type_: Any) -> bool:
-    return isinstance(type_, list) and "array" in type_
 
 
 def _choices(schema: Json) -> None:
@@ -196,13 +172,6 @@ def _types(schema: Json) -> None:
         schema.pop("items", None)
 
 
-def _reference(schema: Json) -> Json:
-    """In 3.0 nothing that stands beside a reference counts."""
-    if "$ref" in schema and len(schema) > 1:
-        return {"allOf": [{"$ref": schema.pop("$ref")}], **schema}
-    return schema
-
-
 def _share_parameters(document: Json) -> None:
     """Parameters of several operations that are the same become components.
 
@@ -222,18 +191,12 @@ def _share_parameters(document: Json) -> None:
             text = _text(parameter)
             if times[text] > 1 and "$ref" not in parameter:
                 if text not in names:
-                    names[text] = _free_name(parameter["name"], shared)
+                    name = parameter["name"]
+                    free = (name if number == 1 else f"{name}-{number}" for number in count(1))
+                    names[text] = next(one for one in free if one not in shared)
                     shared[names[text]] = parameter
                 parameters[index] = {"$ref": f"#/components/parameters/{names[text]}"}
 
 
 def _text(value: Any) -> str:
     return json.dumps(value, sort_keys=True)
-
-
-def _free_name(name: str, taken: Mapping[str, Any]) -> str:
-    number, free = 1, name
-    while free in taken:
-        number += 1
-        free = f"{name}-{number}"
-    return free

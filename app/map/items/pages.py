@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -201,13 +202,10 @@ def _shown(value: Any) -> str:
 
 def _prose(text: str) -> Markup:
     """Text with `names` between backquotes."""
-    parts = text.split("`")
-    if len(parts) % 2 == 0:
-        return escape(text)
-    marked = [
-        Markup("<code>{}</code>").format(part) if n % 2 else escape(part) for n, part in enumerate(parts)
-    ]
-    return Markup("").join(marked)
+    escaped = str(escape(text))
+    if text.count("`") % 2 == 0:
+        escaped = re.sub("`([^`]*)`", r"<code>\1</code>", escaped)
+    return Markup(escaped)  # escaped above  # noqa: S704
 
 
 def _kind(schema: dict[str, Any]) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -15,10 +15,13 @@ from app.core.db import Bounds
 from app.core.errors import BadQueryError
 from app.core.query import bbox_numbers, box_of
 from app.map.segment import CRS84 as CRS84_URI
+from app.map.store import corners, in_box_sql
 
 RADIUS_M = 6_378_137.0
 EDGE_M = math.pi * RADIUS_M
 """How far web Mercator reaches."""
+_PLACEHOLDER = re.compile(r"(?<!:):(\w+)")
+
 MOST_POINTS = 5000
 """Of a geometry in a filter."""
 
@@ -58,6 +61,13 @@ class Condition:
     sql: str
     values: Mapping[str, Any]
 
+    @classmethod
+    def joined(cls, word: str, parts: Iterable[Condition]) -> Condition:
+        """These conditions with a word between them, ``AND`` or ``OR``; without any: true."""
+        some = list(parts)
+        values = {name: value for one in some for name, value in one.values.items()}
+        return cls(f" {word} ".join(one.sql for one in some) or "true", values)
+
 
 def parse_crs(text: str, field: str) -> Crs:
     """The system of this address; ``BadQueryError`` that lists them all for any other."""
@@ -84,18 +94,12 @@ def parse_box(text: str, crs: Crs) -> Bounds:
 
 def in_box(line: str, box: Bounds) -> Condition:
     """The lines that meet a box."""
-    if box[0] <= box[2]:
-        return Condition(_within(line, "west", "east"), _corners(box))
-    sql = f"({_within(line, 'west', 'edge_east')} OR {_within(line, 'edge_west', 'east')})"
-    return Condition(sql, {**_corners(box), "edge_east": 180.0, "edge_west": -180.0})
+    return Condition(psycopg_sql(in_box_sql(line, box)), corners(box))
 
 
-def _within(line: str, west: str, east: str) -> str:
-    return f"ST_Intersects({line}, ST_MakeEnvelope(%({west})s, %(south)s, %({east})s, %(north)s, 4326))"
-
-
-def _corners(box: Bounds) -> dict[str, float]:
-    return dict(zip(("west", "south", "east", "north"), box, strict=True))
+def psycopg_sql(sql: str) -> str:
+    """A part of a statement with psycopg's placeholders in place of SQLAlchemy's."""
+    return _PLACEHOLDER.sub(r"%(\1)s", sql)
 
 
 def wkb_of(node: Mapping[str, Any], crs: Crs) -> bytes:

@@ -6,6 +6,7 @@ Knows no route: parameters come as pairs of name and text, as they stand in the 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -13,21 +14,11 @@ from typing import Any
 
 from app.core.errors import BadQueryError
 from app.core.settings import Settings
+from app.map.items import places
 from app.map.items.collections import GEOMETRY, Collection, Property
 from app.map.items.cql import LANGUAGES, NO_TEXT, TEXT
 from app.map.items.filters import filter_condition
 from app.map.items.paging import MAX_ID, Order, Values, digest_of, parse_after, parse_sortby
-from app.map.items.places import (
-    CRS84,
-    Condition,
-    Crs,
-    in_box,
-    moment,
-    parse_box,
-    parse_crs,
-    parse_datetime,
-    span,
-)
 from app.map.segment import SQL_TYPES
 
 SHOWN = ("crs", "properties", "skipGeometry", "f")
@@ -45,16 +36,24 @@ _PLAIN = (
     "after",
 )
 _MOST_VALUES = 100
-_TRUE, _FALSE = {"true", "1", "yes", "on"}, {"false", "0", "no", "off"}
-_WHOLE = re.compile(r"[+-]?\d{1,19}", re.ASCII)
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
+_TRUTHS = dict.fromkeys(("true", "1", "yes", "on"), True) | dict.fromkeys(("false", "0", "no", "off"), False)
+_NUMBERS: Mapping[str, tuple[re.Pattern[str], Callable[[str], float], float]] = {
+    "integer": (re.compile(r"[+-]?\d{1,19}", re.ASCII), int, MAX_ID),
+    "number": (
+        re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE),
+        float,
+        sys.float_info.max,
+    ),
+}
+"""How numbers are written, how they are read, and the largest."""
+_WANTED = {"integer": "a whole number", "number": "a number", "boolean": "true or false"}
 
 
 @dataclass(frozen=True)
 class Shape:
     """How a feature is shown."""
 
-    crs: Crs = CRS84
+    crs: places.Crs = places.CRS84
     properties: tuple[str, ...] = ()
     """Names, in the collection's order."""
     with_line: bool = True
@@ -76,7 +75,7 @@ class ItemRequest:
     collection: Collection
     shape: Shape
     limit: int
-    conditions: tuple[Condition, ...]
+    conditions: tuple[places.Condition, ...]
     order: Order
     digest: str
     """Tells the query apart from others, whichever page and shape is asked for."""
@@ -162,43 +161,43 @@ def _sorted_out(
     return one, many
 
 
-def _plain_conditions(collection: Collection, one: Mapping[str, str]) -> list[Condition]:
+def _plain_conditions(collection: Collection, one: Mapping[str, str]) -> list[places.Condition]:
     conditions = []
     # Without a bbox it says nothing, and is sent all the same by clients that send every parameter's default.
-    crs = parse_crs(one["bbox-crs"], "bbox-crs") if "bbox-crs" in one else CRS84
+    crs = places.parse_crs(one["bbox-crs"], "bbox-crs") if "bbox-crs" in one else places.CRS84
     if "bbox" in one:
-        conditions.append(in_box(collection.line, parse_box(one["bbox"], crs)))
+        conditions.append(places.in_box(collection.line, places.parse_box(one["bbox"], crs)))
     if "datetime" in one:
-        first, last = parse_datetime(one["datetime"])
+        first, last = places.parse_datetime(one["datetime"])
         # What has no time matches any (OGC 17-069r4, /req/core/fc-time-response).
         timed = collection.properties["updated_at"].sql
         then = _between(timed, "datetime", first, last)
-        conditions.append(Condition(f"({timed} IS NULL OR {then.sql})", then.values))
+        conditions.append(places.Condition(f"({timed} IS NULL OR {then.sql})", then.values))
     if "driven" in one:
-        conditions.append(Condition(collection.driven[_truth(one["driven"], "driven")], {}))
+        conditions.append(places.Condition(collection.driven[_truth(one["driven"], "driven")], {}))
     return conditions
 
 
-def _between(sql: str, name: str, first: datetime | None, last: datetime | None) -> Condition:
+def _between(sql: str, name: str, first: datetime | None, last: datetime | None) -> places.Condition:
     parts, values = [], {}
     for end, operator, suffix in ((first, ">=", "0"), (last, "<=", "1")):
         if end is not None:
             parts.append(f"{sql} {operator} CAST(%({name}{suffix})s AS timestamptz)")
             values[f"{name}{suffix}"] = end
-    return Condition("(" + " AND ".join(parts) + ")", values)
+    return places.Condition("(" + " AND ".join(parts) + ")", values)
 
 
-def _filter(collection: Collection, one: Mapping[str, str]) -> Condition:
+def _filter(collection: Collection, one: Mapping[str, str]) -> places.Condition:
     language = one.get("filter-lang", TEXT)
     if language not in LANGUAGES:
         raise BadQueryError.about(
             "filter-lang", f"there is no language {language!r}. There are: {', '.join(LANGUAGES)}."
         )
-    crs = parse_crs(one["filter-crs"], "filter-crs") if "filter-crs" in one else CRS84
+    crs = places.parse_crs(one["filter-crs"], "filter-crs") if "filter-crs" in one else places.CRS84
     return filter_condition(one["filter"], language, crs, collection)
 
 
-def _compared(one: Property, texts: Iterable[str]) -> Condition:
+def _compared(one: Property, texts: Iterable[str]) -> places.Condition:
     """``name=a,b``: the features whose property is any of these."""
     listed = [part for text in texts for part in text.split(",")]
     if len(listed) > _MOST_VALUES:
@@ -206,24 +205,27 @@ def _compared(one: Property, texts: Iterable[str]) -> Condition:
     name = f"p_{one.name}"
     if one.kind == "time":
         try:
-            spans = [span(text) for text in listed]
+            spans = [places.span(text) for text in listed]
         except (ValueError, OverflowError) as error:
             raise BadQueryError.about(one.name, f"{error}.") from None
-        some = [_between(one.sql, f"{name}_{n}_", *ends) for n, ends in enumerate(spans)]
-        values = {key: value for condition in some for key, value in condition.values.items()}
-        return Condition("(" + " OR ".join(condition.sql for condition in some) + ")", values)
+        any_of = places.Condition.joined(
+            "OR", (_between(one.sql, f"{name}_{n}_", *ends) for n, ends in enumerate(spans))
+        )
+        return places.Condition(f"({any_of.sql})", any_of.values)
     try:
         # A name may have a comma in it.
         texts = dict.fromkeys([*listed, *texts]) if one.kind == "string" else listed
-        read = [_READERS[one.kind](text) for text in texts]
+        read = [_read(one.kind, text) for text in texts]
     except ValueError:
-        raise BadQueryError.about(one.name, f"{_WANTED[one.kind]}, or several with commas.") from None
+        raise BadQueryError.about(
+            one.name, f"it must be {_WANTED[one.kind]}, or several with commas."
+        ) from None
     if one.digits is not None:
         return _as_shown(one, name, read)
-    return Condition(f"{one.sql} = ANY(CAST(%({name})s AS {SQL_TYPES[one.kind]}[]))", {name: read})
+    return places.Condition(f"{one.sql} = ANY(CAST(%({name})s AS {SQL_TYPES[one.kind]}[]))", {name: read})
 
 
-def _as_shown(one: Property, name: str, numbers: Sequence[float]) -> Condition:
+def _as_shown(one: Property, name: str, numbers: Sequence[float]) -> places.Condition:
     """Numbers are served with some digits: one that was read here means all that look like it."""
     half = 0.5 / 10 ** (one.digits or 0)
     within = f"{one.sql} BETWEEN CAST(%({name}_{{n}}_0)s AS float8) AND CAST(%({name}_{{n}}_1)s AS float8)"
@@ -232,46 +234,27 @@ def _as_shown(one: Property, name: str, numbers: Sequence[float]) -> Condition:
         for n, number in enumerate(numbers)
         for end, sign in enumerate((-1, 1))
     }
-    return Condition("(" + " OR ".join(within.format(n=n) for n in range(len(numbers))) + ")", values)
+    return places.Condition("(" + " OR ".join(within.format(n=n) for n in range(len(numbers))) + ")", values)
 
 
-def _whole(text: str) -> int:
-    if not _WHOLE.fullmatch(text) or abs(value := int(text)) > MAX_ID:
-        raise ValueError(text)
-    return value
-
-
-def _fraction(text: str) -> float:
-    if not _NUMBER.fullmatch(text) or abs(value := float(text)) == float("inf"):
-        raise ValueError(text)
-    return value
-
-
-def _bool(text: str) -> bool:
-    if text.lower() not in _TRUE | _FALSE:
-        raise ValueError(text)
-    return text.lower() in _TRUE
-
-
-_READERS: Mapping[str, Callable[[str], Any]] = {
-    "integer": _whole,
-    "number": _fraction,
-    "string": str,
-    "boolean": _bool,
-}
-_WANTED = {
-    "integer": "it must be a whole number",
-    "number": "it must be a number",
-    "string": "it must be a text",
-    "boolean": "it must be true or false",
-}
+def _read(kind: str, text: str) -> Any:
+    """The value of a kind that a text means; ``ValueError`` where it means none."""
+    if kind == "string":
+        return text
+    if kind == "boolean" and text.lower() in _TRUTHS:
+        return _TRUTHS[text.lower()]
+    if kind in _NUMBERS:
+        pattern, convert, most = _NUMBERS[kind]
+        if pattern.fullmatch(text) and abs(value := convert(text)) <= most:
+            return value
+    raise ValueError(text)
 
 
 def _truth(text: str, field: str) -> bool:
     try:
-        return _bool(text)
+        return bool(_read("boolean", text))
     except ValueError:
-        raise BadQueryError.about(field, "it must be true or false.") from None
+        raise BadQueryError.about(field, f"it must be {_WANTED['boolean']}.") from None
 
 
 def _limit(one: Mapping[str, str], settings: Settings) -> int:
@@ -288,7 +271,7 @@ def _limit(one: Mapping[str, str], settings: Settings) -> int:
 
 def _shape(collection: Collection, one: Mapping[str, str]) -> Shape:
     return Shape(
-        crs=parse_crs(one["crs"], "crs") if "crs" in one else CRS84,
+        crs=places.parse_crs(one["crs"], "crs") if "crs" in one else places.CRS84,
         properties=_names(collection, one["properties"])
         if "properties" in one
         else tuple(collection.properties),
@@ -310,6 +293,6 @@ def _names(collection: Collection, text: str) -> tuple[str, ...]:
 
 def _since(text: str) -> Since:
     try:
-        return Since(time=moment(text))
+        return Since(time=places.moment(text))
     except (ValueError, OverflowError):
         return Since(version=text)

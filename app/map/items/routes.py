@@ -19,20 +19,10 @@ from app.core.http import BaseUrl, Link, Service, ServiceDep, existing, link, li
 from app.core.settings import Settings
 from app.core.text import GEO_JSON, dumps, utc_text
 from app.map.coverage import dem_names, dem_names_at
-from app.map.items import store
+from app.map.items import pages, store
 from app.map.items.collection_routes import collection_crumbs, property_schema
 from app.map.items.collections import COLLECTIONS, Collection, Property
 from app.map.items.cql import LANGUAGES, TEXT
-from app.map.items.pages import (
-    AS_GEOJSON,
-    AS_HTML,
-    Wanted,
-    answered,
-    described,
-    page_answer,
-    wanted,
-    with_pairs,
-)
 from app.map.items.places import CRS84, CRSS, Crs
 from app.map.items.request import ItemRequest, item_parameters, parse_item, parse_items
 from app.map.segment import HEIGHT_DATUM, attribution
@@ -149,7 +139,7 @@ router = APIRouter(tags=["map"])
 
 def items_answer(request: Request, service: Service, base: str, collection: Collection) -> Response:
     """One page of a collection's items."""
-    form = wanted(request, request.query_params.get("f"), AS_GEOJSON, AS_HTML)
+    form = pages.wanted(request, request.query_params.get("f"), pages.AS_GEOJSON, pages.AS_HTML)
     item_request = parse_items(collection, request.query_params.multi_items(), service.settings)
     with service.reading() as session:
         shown = store.page(session, item_request)
@@ -160,7 +150,7 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
         link(f"{base}/collections/{collection.id}", "collection", title=collection.title),
     ]
     if shown.next_cursor is not None:
-        following = with_pairs(here, item_request.query(after=shown.next_cursor))
+        following = pages.with_pairs(here, item_request.query(after=shown.next_cursor))
         links.insert(0, link(following, "next", form.media_type, "The next page"))
     document = {
         "type": "FeatureCollection",
@@ -173,7 +163,7 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
     }
     if not form.html:
         return _items_text(request, form, item_request.shape.crs, document, shown.features, links)
-    return page_answer(
+    return pages.page_answer(
         request,
         "items.html",
         f"{collection.title}: items",
@@ -183,7 +173,7 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
         features=[json.loads(text) for text in shown.features],
         properties=[collection.properties[name] for name in item_request.shape.properties if name != "id"],
         address=here,
-        first=with_pairs(here, item_request.query(after=None)) if item_request.after else None,
+        first=pages.with_pairs(here, item_request.query(after=None)) if item_request.after else None,
     )
 
 
@@ -191,7 +181,7 @@ def item_answer(
     request: Request, service: Service, base: str, collection: Collection, item_id: int
 ) -> Response:
     """One item."""
-    form = wanted(request, request.query_params.get("f"), AS_GEOJSON, AS_HTML)
+    form = pages.wanted(request, request.query_params.get("f"), pages.AS_GEOJSON, pages.AS_HTML)
     pairs = request.query_params.multi_items()
     shape = parse_item(collection, pairs)
     with service.reading() as session:
@@ -203,8 +193,8 @@ def item_answer(
         links.append(link(behind, "observations", title="The drives behind it"))
     if not form.html:
         body = f'{text[:-1]},"links":{dumps(link_documents(links))}}}'
-        return answered(request, body, form.media_type, links=links, headers=_content_crs(shape.crs))
-    return page_answer(
+        return pages.answered(request, body, form.media_type, links=links, headers=_content_crs(shape.crs))
+    return pages.page_answer(
         request,
         "item.html",
         f"{collection.title}: {item_id}",
@@ -218,7 +208,7 @@ def item_answer(
 
 def _items_text(
     request: Request,
-    form: Wanted,
+    form: pages.Wanted,
     crs: Crs,
     document: dict[str, Any],
     features: Sequence[str],
@@ -229,7 +219,7 @@ def _items_text(
     tag = hashlib.blake2b(head.encode(), digest_size=12)
     tag.update(body)
     now = utc_text(datetime.now(UTC))
-    return answered(
+    return pages.answered(
         request,
         b"".join((head.encode(), f',"timeStamp":"{now}","features":['.encode(), body, b"]}")),
         form.media_type,
@@ -281,7 +271,7 @@ def _routes(collection: Collection) -> None:
         name=f"items_of_{collection.id}",
         summary=collection.title,
         response_class=Response,
-        responses=described(
+        responses=pages.described(
             page_of, {GEO_JSON: ITEMS_EXAMPLE}, *_PROBLEMS, *_SINCE[collection.follows_changes]
         ),
         openapi_extra={"parameters": items_parameters(collection)},
@@ -292,7 +282,7 @@ def _routes(collection: Collection) -> None:
         name=f"item_of_{collection.id}",
         summary=f"One item of {collection.id}",
         response_class=Response,
-        responses=described("The item.", {GEO_JSON: FEATURE_EXAMPLE}, *_PROBLEMS, 404),
+        responses=pages.described("The item.", {GEO_JSON: FEATURE_EXAMPLE}, *_PROBLEMS, 404),
         openapi_extra={"parameters": item_parameters_of_one(collection)},
     )
 

@@ -27,7 +27,7 @@ from app.core.errors import BadQueryError
 from app.core.text import WHOLE
 from app.map.items.collections import Collection, Property
 from app.map.items.paging import Leg, cursor_text
-from app.map.items.places import Condition, Crs
+from app.map.items.places import Condition, Crs, psycopg_sql
 from app.map.items.request import ItemRequest, Shape
 
 COUNTED_MOST = 10_000
@@ -50,7 +50,6 @@ _PATIENT_AGAIN = "SET LOCAL statement_timeout TO DEFAULT"
 _LONGEST_PREPARED = 4000
 """Characters. Beyond, somebody listed many values."""
 _EXPLAIN = "EXPLAIN (FORMAT JSON) "
-_PLACEHOLDER = re.compile(r"(?<!:):(\w+)")
 _Fetch = Callable[[str, Mapping[str, Any]], list[tuple[Any, ...]]]
 
 
@@ -123,7 +122,7 @@ def _up_to(session: Session, request: ItemRequest) -> tuple[int | None, ItemRequ
         "until_xid": until_xid,
     }
     changed = changed_since_sql(request.collection.key.partition(".")[0])
-    condition = Condition(_PLACEHOLDER.sub(r"%(\1)s", changed), values)
+    condition = Condition(psycopg_sql(changed), values)
     return until_xid, replace(request, conditions=(*request.conditions, condition))
 
 
@@ -144,42 +143,36 @@ def _within_patience(session: Session, request: ItemRequest) -> _Fetch:
 
 def _rows(fetch: _Fetch, request: ItemRequest, leg: Leg, size: int) -> list[tuple[Any, ...]]:
     collection, shape = request.collection, request.shape
-    where = _where([leg.condition, *request.conditions])
+    where = Condition.joined("AND", (leg.condition, *request.conditions))
     alias, *others = collection.keys
-    alone = not any(re.search(rf"\b{other}\.", f"{where} {leg.order}") for other in others)
+    alone = not any(re.search(rf"\b{other}\.", f"{where.sql} {leg.order}") for other in others)
     statement = (_PAGE_FIRST if alone and collection.beside else _PAGE).format(
         feature=_feature(collection, shape),
         keys=request.order.columns,
         source=_source(collection, shape),
-        where=where,
+        where=where.sql,
         order=leg.order,
         alias=alias,
         table=collection.table,
         beside=collection.beside[shape.gaps] if collection.beside else "",
     )
-    return fetch(statement, {"size": size, **_values([leg.condition, *request.conditions])})
+    return fetch(statement, {"size": size, **where.values})
 
 
 def _matched(fetch: _Fetch, request: ItemRequest) -> int | None:
     """How many features match, where few do and the planner expects the count to be cheap."""
-    statement = _COUNT.format(
-        source=_source(request.collection, request.shape), where=_where(request.conditions)
-    )
-    values = {"most": COUNTED_MOST + 1, **_values(request.conditions)}
+    where = Condition.joined("AND", request.conditions)
+    statement = _COUNT.format(source=_source(request.collection, request.shape), where=where.sql)
+    values = {"most": COUNTED_MOST + 1, **where.values}
     ((plan,),) = fetch(_EXPLAIN + statement, values)
     expected = plan[0]["Plan"]
-    if expected["Total Cost"] > (_CHEAP_OF_PLACES if "ST_" in statement else _CHEAP) or _most_likely_too_many(
-        expected
-    ):
+    if expected["Total Cost"] > (_CHEAP_OF_PLACES if "ST_" in statement else _CHEAP):
+        return None
+    # What the planner expects of what stands below the limit: twice as many as are counted.
+    if any(below["Plan Rows"] > 2 * COUNTED_MOST for below in expected["Plans"][0].get("Plans", ())):
         return None
     ((count,),) = fetch(statement, values)
     return count if count <= COUNTED_MOST else None
-
-
-def _most_likely_too_many(plan: Mapping[str, Any]) -> bool:
-    """Whether the planner expects twice as many as are counted: so it says of what stands below the limit."""
-    limit = plan["Plans"][0]
-    return any(below["Plan Rows"] > 2 * COUNTED_MOST for below in limit.get("Plans", ()))
 
 
 def _feature(collection: Collection, shape: Shape) -> str:
@@ -188,14 +181,6 @@ def _feature(collection: Collection, shape: Shape) -> str:
 
 def _source(collection: Collection, shape: Shape) -> str:
     return collection.source_with_gaps if shape.gaps and collection.source_with_gaps else collection.source
-
-
-def _where(conditions: Sequence[Condition]) -> str:
-    return " AND ".join(condition.sql for condition in conditions) or "true"
-
-
-def _values(conditions: Sequence[Condition]) -> Mapping[str, Any]:
-    return {name: value for condition in conditions for name, value in condition.values.items()}
 
 
 def _too_long(request: ItemRequest) -> BadQueryError:

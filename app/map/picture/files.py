@@ -11,14 +11,6 @@ from typing import TYPE_CHECKING
 
 from app.map import store
 from app.map.picture import slope_map
-from app.map.picture.slope_map import (
-    MapError,
-    extent_of,
-    frame_around,
-    map_segments,
-    no_strip,
-    stored_segments,
-)
 from app.map.picture.slope_picture import write_map
 from app.map.segment import Segment
 from app.map.store import all_segments
@@ -46,12 +38,12 @@ def map_of_segments(
 
     Where there are too many roads, those without a slope are left out. Raises ``MapError`` and ``OSError``.
     """
-    box = frame_around(extent_of(segments)) if segments else None
+    box = slope_map.frame_around(slope_map.extent_of(segments)) if segments else None
     near = roads.within(*box) if box else around
-    drawn, notes = map_segments(near, segments), list[str]()
+    drawn, notes = slope_map.map_segments(near, segments), list[str]()
     if segments and len(near) > slope_map.MOST_SEGMENTS:
         notes = [LEFT_OUT.format(count=len(near), most=slope_map.MOST_SEGMENTS)]
-        drawn = stored_segments(segments)
+        drawn = slope_map.stored_segments(segments)
     write_map(path, drawn, title=title, credit=source, scale_percent=scale, box_deg=box, notes=notes)
 
 
@@ -73,9 +65,9 @@ def map_of_store(
     """
     if box is None:
         _refuse_too_many(store.count_segments(session, driven=True))
-        box = frame_around(extent_of(all_segments(session, driven=True)))
+        box = slope_map.frame_around(slope_map.extent_of(all_segments(session, driven=True)))
     else:
-        box = no_strip(box)
+        box = slope_map.no_strip(box)
     notes = list[str]()
     count = store.count_segments(session, bbox=box, driven=True if driven else None)
     if count > slope_map.MOST_SEGMENTS and not driven:
@@ -83,11 +75,13 @@ def map_of_store(
         driven, count = True, store.count_segments(session, bbox=box, driven=True)
     _refuse_too_many(count)
     if not count:
-        raise MapError("There is no road in that box. Import the roads there, or name another --bbox.")
+        raise slope_map.MapError(
+            "There is no road in that box. Import the roads there, or name another --bbox."
+        )
     segments = list(all_segments(session, box, driven=driven, gaps=gaps))
     write_map(
         path,
-        stored_segments(segments),
+        slope_map.stored_segments(segments),
         title="Road slopes",
         credit=source,
         scale_percent=scale,
@@ -99,7 +93,7 @@ def map_of_store(
 
 def _refuse_too_many(count: int) -> None:
     if count > slope_map.MOST_SEGMENTS:
-        raise MapError(
+        raise slope_map.MapError(
             f"{count} driven segments are to be drawn, and a map shows {slope_map.MOST_SEGMENTS} at most. "
             "Name a smaller box, such as --bbox 8.46,48.95,8.50,48.99."
         )

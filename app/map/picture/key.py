@@ -21,15 +21,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D, Transform
 
+from app.map.picture import slope_map
 from app.map.picture.lettering import wrapped
-from app.map.picture.slope_map import (
-    ARROW_PERCENT,
-    SURE_SIGMA_PERCENT,
-    UNSURE_SIGMA_PERCENT,
-    MapSegments,
-    arrow_choice,
-    line_widths,
-)
 from app.map.style.scale import UNKNOWN_COLOUR
 from fusion.types import Floats
 
@@ -57,35 +50,14 @@ class Row:
         return _SMALL_ROW_IN if self.small else _ROW_IN
 
 
-@dataclass(frozen=True)
-class Signs:
-    """Which signs a map shows."""
-
-    unknown: bool
-    arrows: bool
-    bridges: bool
-    tunnels: bool
-
-
-@dataclass(frozen=True)
-class Style:
-    """What the samples look like, as the map's lines do."""
-
-    colours: LinearSegmentedColormap
-    unknown: dict[str, Any]
-    arrow_colour: str
-    thinner: float
-    """By which every line is, on maps of wide land."""
-
-
-def rows_of(style: Style, signs: Signs) -> list[list[Row]]:
+def rows_of(segments: slope_map.MapSegments, thinner: float) -> list[list[Row]]:
     """What stands below the bar of colours, in groups."""
     widths = [
-        Row(text, ({"color": "#777777", "lw": style.thinner * float(line_widths(np.array([sigma]))[0])},))
+        Row(text, ({"color": "#777777", "lw": thinner * float(slope_map.line_widths(np.array([sigma]))[0])},))
         for sigma, text in (
-            (SURE_SIGMA_PERCENT, f"± {SURE_SIGMA_PERCENT:g} % or better"),
+            (slope_map.SURE_SIGMA_PERCENT, f"± {slope_map.SURE_SIGMA_PERCENT:g} % or better"),
             (1.0, "± 1 %"),
-            (UNSURE_SIGMA_PERCENT, f"± {UNSURE_SIGMA_PERCENT:g} % or worse"),
+            (slope_map.UNSURE_SIGMA_PERCENT, f"± {slope_map.UNSURE_SIGMA_PERCENT:g} % or worse"),
         )
     ]
     certainty = [
@@ -93,25 +65,29 @@ def rows_of(style: Style, signs: Signs) -> list[list[Row]]:
         *widths,
         *_small("One standard deviation: 95 of 100 slopes are within twice of it. Thin lines are guesses."),
     ]
-    return [certainty, _sign_rows(style, signs)]
+    return [certainty, _sign_rows(segments, thinner)]
 
 
-def _sign_rows(style: Style, signs: Signs) -> list[Row]:
-    width = style.thinner * float(line_widths(np.array([SURE_SIGMA_PERCENT]))[0])
-    inside = {"color": style.colours(0.5), "lw": width}
-    case = {"color": "black", "lw": width + CASE_PT * max(style.thinner, 0.5)}
+def _sign_rows(segments: slope_map.MapSegments, thinner: float) -> list[Row]:
+    known, sigma = segments.known, segments.slope_sigma_percent
+    width = thinner * float(slope_map.line_widths(np.array([slope_map.SURE_SIGMA_PERCENT]))[0])
+    inside = {"color": STEEPNESS(0.5), "lw": width}
+    case = {"color": "black", "lw": width + CASE_PT * max(thinner, 0.5)}
     arrow = {
-        "ls": "none", "marker": ">", "ms": 7, "mfc": style.arrow_colour, "mec": INK, "mew": 0.8, "single": True,
+        "ls": "none", "marker": ">", "ms": 7, "mfc": ARROW_COLOUR, "mec": INK, "mew": 0.8, "single": True,
     }  # fmt: skip
     return [
         row
-        for shown, row in (
-            (signs.arrows, Row(f"uphill, steeper than {ARROW_PERCENT:g} %", (arrow,))),
-            (signs.bridges, Row("bridge", (case, inside))),
-            (signs.tunnels, Row("tunnel", ({**case, "ls": (0, (1.2, 0.8))}, inside))),
-            (signs.unknown, Row("slope unknown", (style.unknown,))),
+        for where, row in (
+            (
+                slope_map.certain_signs(segments.slope_percent, sigma),
+                Row(f"uphill, steeper than {slope_map.ARROW_PERCENT:g} %", (arrow,)),
+            ),
+            (segments.bridge & known, Row("bridge", (case, inside))),
+            (segments.tunnel & known, Row("tunnel", ({**case, "ls": (0, (1.2, 0.8))}, inside))),
+            (~known, Row("slope unknown", (unknown_look(thinner),))),
         )
-        if shown
+        if where.any()
     ]
 
 
@@ -136,7 +112,6 @@ def draw_key(
     figure: Figure,
     left_in: float,
     top_in: float,
-    style: Style,
     scale: Normalize,
     colours: Sequence[Row],
     groups: Sequence[Sequence[Row]],
@@ -148,9 +123,7 @@ def draw_key(
     bar = figure.add_axes(
         (left_in / width, 1 - (y + 0.03 + _BAR_IN) / height, (WIDTH_IN - 0.1) / width, _BAR_IN / height)
     )
-    drawn = figure.colorbar(
-        ScalarMappable(scale, style.colours), cax=bar, orientation="horizontal", extend="max"
-    )
+    drawn = figure.colorbar(ScalarMappable(scale, STEEPNESS), cax=bar, orientation="horizontal", extend="max")
     if drawn.solids is not None:  # in a file of lines it would be the only picture of pixels
         drawn.solids.set_rasterized(False)
         drawn.solids.set_edgecolor("face")
@@ -209,13 +182,15 @@ def draw_unknown(axes: Axes, lines: Floats, thinner: float) -> None:
     )
 
 
-def draw_known(axes: Axes, lines: Floats, segments: MapSegments, scale: Normalize, thinner: float) -> None:
+def draw_known(
+    axes: Axes, lines: Floats, segments: slope_map.MapSegments, scale: Normalize, thinner: float
+) -> None:
     """Draw the roads among ``segments`` that have a slope, bridges and tunnels cased, and arrows on the steepest."""
     known = np.flatnonzero(segments.known)
     # Narrow first, so that what is sure lies on top where roads cross.
     known = known[np.argsort(-np.nan_to_num(segments.slope_sigma_percent[known], nan=np.inf), kind="stable")]
     slope, sigma = segments.slope_percent[known], segments.slope_sigma_percent[known]
-    widths = thinner * line_widths(sigma)
+    widths = thinner * slope_map.line_widths(sigma)
     for structure, style in ((segments.bridge[known], "solid"), (segments.tunnel[known], (0, (1.2, 0.8)))):
         axes.add_collection(
             LineCollection(
@@ -244,7 +219,7 @@ def _draw_arrows(axes: Axes, lines: Floats, slope: Floats, sigma: Floats, thinne
     inside = (middle[:, 0] > left) & (middle[:, 0] < right) & (middle[:, 1] > bottom) & (middle[:, 1] < top)
     inside &= np.any(lines[:, 0] != lines[:, 1], axis=1)
     lines, slope, sigma, middle = lines[inside], slope[inside], sigma[inside], middle[inside]
-    chosen = arrow_choice(middle, slope, sigma, max(right - left, top - bottom) / ARROWS_ACROSS)
+    chosen = slope_map.arrow_choice(middle, slope, sigma, max(right - left, top - bottom) / ARROWS_ACROSS)
     if not len(chosen):
         return
     along = lines[chosen, 1] - lines[chosen, 0]

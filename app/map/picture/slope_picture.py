@@ -21,34 +21,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from app.core.text import whole_file
-from app.map.picture.key import (
-    ARROW_COLOUR,
-    INK,
-    MUTED,
-    SMALL_PT,
-    STEEPNESS,
-    TEXT_PT,
-    WIDTH_IN,
-    Signs,
-    Style,
-    colour_rows,
-    draw_key,
-    draw_known,
-    draw_unknown,
-    from_upper_left,
-    height_in,
-    rows_of,
-    unknown_look,
-)
+from app.map.picture import key
 from app.map.picture.lettering import is_writable, place_names, points_along, width_pt, wrapped
-from app.map.picture.slope_map import (
-    SURE_WIDTH_PT,
-    MapError,
-    MapSegments,
-    certain_signs,
-    frame_around,
-    picture_format,
-)
+from app.map.picture.slope_map import SURE_WIDTH_PT, MapError, MapSegments, frame_around, picture_format
 from app.map.segment import OSM_ATTRIBUTION
 from fusion.frames import LocalProjection
 from fusion.types import Floats
@@ -123,21 +98,19 @@ def slope_figure(
     figure = Figure(dpi=dpi)
     FigureCanvasAgg(figure)
     scale, thinner = _colour_scale(view.segments, scale_percent), _thinner(view)
-    style = Style(STEEPNESS, unknown_look(thinner), ARROW_COLOUR, thinner)
     page = _page(view, title, credit, notes)
-    signs = _signs(view.segments)
-    colours, groups = colour_rows(scale, scale_percent is not None), rows_of(style, signs)
+    colours, groups = key.colour_rows(scale, scale_percent is not None), key.rows_of(view.segments, thinner)
     top = EDGE_IN + TITLE_ROW_IN * len(page.title) + 0.08
-    foot = top + max(page.map_in[1] + SCALE_ROW_IN, height_in(colours, groups))
+    foot = top + max(page.map_in[1] + SCALE_ROW_IN, key.height_in(colours, groups))
     figure.set_size_inches(page.width_in, foot + FOOT_ROW_IN * len(page.foot) + 0.6 * EDGE_IN)
     axes = _map_axes(figure, view, page.map_in, top)
-    draw_unknown(axes, lines[~view.segments.known], thinner)
-    draw_known(axes, lines, view.segments, scale, thinner)
+    key.draw_unknown(axes, lines[~view.segments.known], thinner)
+    key.draw_known(axes, lines, view.segments, scale, thinner)
     _draw_names(axes, view)
     _draw_scale(figure, view, page.map_in[0], top + page.map_in[1])
-    _write(figure, page.title, EDGE_IN, TITLE_ROW_IN, TITLE_PT, INK)
-    _write(figure, page.foot, foot, FOOT_ROW_IN, SMALL_PT, MUTED)
-    draw_key(figure, EDGE_IN + page.map_in[0] + BETWEEN_IN, top, style, scale, colours, groups)
+    _write(figure, page.title, EDGE_IN, TITLE_ROW_IN, TITLE_PT, key.INK)
+    _write(figure, page.foot, foot, FOOT_ROW_IN, key.SMALL_PT, key.MUTED)
+    key.draw_key(figure, EDGE_IN + page.map_in[0] + BETWEEN_IN, top, scale, colours, groups)
     return figure
 
 
@@ -187,8 +160,8 @@ def _extent(segments: MapSegments) -> Bounds:
 def _page(view: _View, title: str, credit: str, notes: Sequence[str]) -> _Page:
     left, bottom, right, top = view.frame_m
     map_in = (right - left) / view.metres_per_inch, (top - bottom) / view.metres_per_inch
-    inner = map_in[0] + BETWEEN_IN + WIDTH_IN
-    foot = [line for text in (credit, *notes) for line in wrapped(text, SMALL_PT, 72 * inner)]
+    inner = map_in[0] + BETWEEN_IN + key.WIDTH_IN
+    foot = [line for text in (credit, *notes) for line in wrapped(text, key.SMALL_PT, 72 * inner)]
     return _Page(wrapped(title, TITLE_PT, 72 * inner), foot, map_in, inner + 2 * EDGE_IN)
 
 
@@ -200,16 +173,6 @@ def _thinner(view: _View) -> float:
     covered = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()) * SURE_WIDTH_PT / 72
     share = covered / max(cells * CELL_IN**2, 1e-9)
     return float(np.clip(DENSE_SHARE / max(share, 1e-9), LEAST_THICKNESS, 1.0))
-
-
-def _signs(segments: MapSegments) -> Signs:
-    known, slope = segments.known, segments.slope_percent
-    return Signs(
-        unknown=bool((~known).any()),
-        arrows=bool(certain_signs(slope, segments.slope_sigma_percent).any()),
-        bridges=bool((segments.bridge & known).any()),
-        tunnels=bool((segments.tunnel & known).any()),
-    )
 
 
 def _colour_scale(segments: MapSegments, scale_percent: float | None) -> Normalize:
@@ -250,13 +213,13 @@ def _draw_names(axes: Axes, view: _View) -> None:
     for name in placed:
         axes.text(
             name.x_m, name.y_m, name.text, rotation=float(np.degrees(name.angle_rad)), rotation_mode="anchor",
-            ha="center", va="center_baseline", fontsize=NAME_PT, color=INK, zorder=6, parse_math=False, label="street",
-            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+            ha="center", va="center_baseline", fontsize=NAME_PT, color=key.INK, zorder=6, parse_math=False,
+            label="street", path_effects=[withStroke(linewidth=2.0, foreground="white")],
         )  # fmt: skip
 
 
 def _draw_scale(figure: Figure, view: _View, width_in: float, below_in: float) -> None:
-    place = from_upper_left(figure)
+    place = key.from_upper_left(figure)
     length_m = _round_length(width_in * view.metres_per_inch / 4)
     y, end = below_in + SCALE_ROW_IN / 2, EDGE_IN + length_m / view.metres_per_inch
     figure.add_artist(
@@ -264,14 +227,15 @@ def _draw_scale(figure: Figure, view: _View, width_in: float, below_in: float) -
     )  # fmt: skip
     label = f"{length_m / 1000:g} km" if length_m >= 1000 else f"{length_m:g} m"
     figure.text(
-        end + 0.08, y, f"{label}; north is up", transform=place, va="center_baseline", fontsize=TEXT_PT, color=INK
+        end + 0.08, y, f"{label}; north is up", transform=place, va="center_baseline", fontsize=key.TEXT_PT,
+        color=key.INK,
     )  # fmt: skip
 
 
 def _write(
     figure: Figure, lines: Sequence[str], top_in: float, row_in: float, size_pt: float, colour: str
 ) -> None:
-    place = from_upper_left(figure)
+    place = key.from_upper_left(figure)
     for k, line in enumerate(lines):
         figure.text(
             EDGE_IN, top_in + row_in * (k + 0.5), line, transform=place, va="center_baseline", fontsize=size_pt,

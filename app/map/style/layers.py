@@ -13,13 +13,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
-from app.map.picture.slope_map import (
-    ARROW_PERCENT,
-    SURE_SIGMA_PERCENT,
-    SURE_WIDTH_PT,
-    UNSURE_SIGMA_PERCENT,
-    UNSURE_WIDTH_PT,
-)
+from app.map.picture import slope_map
 from app.map.style.scale import SIGMA, ColourScale, Expression, Shown
 from app.map.style.signs import UPHILL
 
@@ -51,7 +45,7 @@ FIRST_ZOOMS = {"major": 0, "middle": 0, "minor": 11, "lesser": 12}
 """From which zoom on roads of unknown slope are drawn; a driven road is drawn wherever tiles have it."""
 
 ARROWS_FROM, FIGURES_FROM, SIGMAS_FROM = 14, 15.5, 17.5
-ARROW_STEEPNESS = (14, 4.0, 15, 2.0, 16, ARROW_PERCENT)
+ARROW_STEEPNESS = (14, 4.0, 15, 2.0, 16, slope_map.ARROW_PERCENT)
 """Zoom and steepness from which on an arrow stands there, by turns."""
 
 
@@ -196,7 +190,11 @@ def _figures(theme: Theme, shown: Shown) -> dict[str, Any]:
         "type": "symbol",
         "source": SOURCE,
         "minzoom": FIGURES_FROM,
-        "filter": ["all", shown.known, [">=", shown.figure, ["step", ["zoom"], ARROW_PERCENT, 17, 0]]],
+        "filter": [
+            "all",
+            shown.known,
+            [">=", shown.figure, ["step", ["zoom"], slope_map.ARROW_PERCENT, 17, 0]],
+        ],
         "layout": {
             "symbol-placement": "line-center",
             "symbol-sort-key": ["-", 0, shown.figure],
@@ -224,10 +222,9 @@ def _stepped(scale: ColourScale, shown: Shown) -> Expression:
 
 def _certainty() -> Expression:
     """The share of its width that a line of this sigma has: that of ``app.map.picture.slope_map.line_widths``."""
-    return [
-        "interpolate", ["linear"], ["ln", ["max", SIGMA, 1e-3]],
-        math.log(SURE_SIGMA_PERCENT), 1, math.log(UNSURE_SIGMA_PERCENT), UNSURE_WIDTH_PT / SURE_WIDTH_PT,
-    ]  # fmt: skip
+    narrowest = slope_map.UNSURE_WIDTH_PT / slope_map.SURE_WIDTH_PT
+    sure, unsure = math.log(slope_map.SURE_SIGMA_PERCENT), math.log(slope_map.UNSURE_SIGMA_PERCENT)
+    return ["interpolate", ["linear"], ["ln", ["max", SIGMA, 1e-3]], sure, 1, unsure, narrowest]
 
 
 def _linear(*zooms_and_values: Any) -> Expression:

@@ -83,7 +83,8 @@ class Connections:
     async def _insist(self, task: asyncio.Task[Any]) -> None:
         while (await asyncio.wait({task}, timeout=AGAIN_S))[1]:
             if (canceller := self._at_work.get(task)) is not None:
-                await asyncio.to_thread(_cancel, canceller)
+                with suppress(psycopg.Error):  # a server that is away runs no statement either
+                    await asyncio.to_thread(canceller.cancel)
 
     async def close_idle(self) -> None:
         """Close those that wait for work."""
@@ -163,11 +164,6 @@ def _checked(result: PGresult) -> PGresult | psycopg.Error:
 def is_broken(error: psycopg.Error, connection: Connection) -> bool:
     """Whether the connection is gone, rather than a statement refused."""
     return error.sqlstate is None or error.sqlstate.startswith(("57P", "08")) or connection.broken
-
-
-def _cancel(canceller: PGcancel) -> None:
-    with suppress(psycopg.Error):  # a server that is away runs no statement either
-        canceller.cancel()
 
 
 async def end(connection: Connection) -> None:

@@ -33,17 +33,7 @@ from app.map.coverage import dem_names
 from app.map.segment import HEIGHT_DATUM, attribution
 from app.map.segments import MAX_ID, SEGMENT_EXAMPLE
 from app.map.store import geojson_tile as geojson_rows
-from app.map.tiles.documents import (
-    QUAD_TITLE,
-    QUAD_URI,
-    SEGMENT_FIELDS,
-    WEB_MERCATOR,
-    kinds,
-    matrix_set_document,
-    tilejson,
-    tileset_document,
-    tilesets_document,
-)
+from app.map.tiles import documents
 from app.map.tiles.front import DEEPEST_ZOOM, LAYERS, MVT, QUAD, SUFFIXES, answer, check_tile
 from app.map.tiles.store import SEGMENTS, Address
 from app.network.cells import tile_tag
@@ -54,7 +44,7 @@ GEOJSON_SCHEMA = 3
 EXAMPLE = {
     "tilejson": "3.0.0",
     "tiles": ["http://127.0.0.1:8000/tiles/{z}/{x}/{y}.mvt"],
-    "vector_layers": [{"id": SEGMENTS, "fields": kinds(SEGMENT_FIELDS)}],
+    "vector_layers": [{"id": SEGMENTS, "fields": documents.kinds(documents.SEGMENT_FIELDS)}],
 }
 
 ZoomPath = Annotated[int, Path(ge=0, le=DEEPEST_ZOOM, description="Zoom level.", examples=[14])]
@@ -75,18 +65,14 @@ EMPTY: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.get(
-    "/tiles/{z}/{x}/{y}.mvt",
-    summary="Vector tile",
-    response_class=Response,
-    responses={200: MVT_ANSWER, **EMPTY, **problems(404, 503)},
-)
-@router.get(
-    "/tiles/{z}/{x}/{y}.pbf",
-    summary="Vector tile, by the other name of its format",
-    response_class=Response,
-    responses={200: MVT_ANSWER, **EMPTY, **problems(404, 503)},
-)
+_MVT_ROUTE: dict[str, Any] = {
+    "response_class": Response,
+    "responses": {200: MVT_ANSWER, **EMPTY, **problems(404, 503)},
+}
+
+
+@router.get("/tiles/{z}/{x}/{y}.mvt", summary="Vector tile", **_MVT_ROUTE)
+@router.get("/tiles/{z}/{x}/{y}.pbf", summary="Vector tile, by the other name of its format", **_MVT_ROUTE)
 async def mvt_tile(z: ZoomPath, x: ColumnPath, y: RowPath, request: Request, service: ServiceDep) -> Response:
     """What a map draws. Revalidate with If-None-Match: an unchanged map answers 304."""
     at = Address(SEGMENTS, z, x, y)
@@ -169,7 +155,7 @@ def geojson_tile(
 )
 def tile_json(service: ServiceDep, base: BaseUrl) -> dict[str, Any]:
     """What a map needs to know about the vector tiles."""
-    return tilejson(service, base, SEGMENTS)
+    return documents.tilejson(service, base, SEGMENTS)
 
 
 TILES_CONFORMANCE = tuple(
@@ -201,7 +187,9 @@ _LIST: dict[int | str, dict[str, Any]] = {
     **problems(400, 404, 503),
 }
 _TILESET: dict[int | str, dict[str, Any]] = {
-    200: json_answer("The tileset.", {"title": "Road slopes", "dataType": "vector", "crs": WEB_MERCATOR}),
+    200: json_answer(
+        "The tileset.", {"title": "Road slopes", "dataType": "vector", "crs": documents.WEB_MERCATOR}
+    ),
     **problems(400, 404, 503),
 }
 _TILE: dict[int | str, dict[str, Any]] = {200: MVT_ANSWER, **EMPTY, **problems(400, 404, 503)}
@@ -216,25 +204,32 @@ def matrix_sets(request: Request, base: BaseUrl, f: FormatQuery = None) -> dict[
     """There is one: that of all maps on the web."""
     _only(request, f, ("json",))
     links = link_documents([link(f"{base}/tileMatrixSets/{QUAD}", "self", title="Its definition")])
-    return {"tileMatrixSets": [{"id": QUAD, "title": QUAD_TITLE, "uri": QUAD_URI, "links": links}]}
+    return {
+        "tileMatrixSets": [
+            {"id": QUAD, "title": documents.QUAD_TITLE, "uri": documents.QUAD_URI, "links": links}
+        ]
+    }
 
 
 @ogc_router.get(
     f"/tileMatrixSets/{QUAD}",
     summary="The tile matrix set",
-    responses={200: json_answer("The definition.", {"id": QUAD, "crs": WEB_MERCATOR}), **problems(400)},
+    responses={
+        200: json_answer("The definition.", {"id": QUAD, "crs": documents.WEB_MERCATOR}),
+        **problems(400),
+    },
 )
 def matrix_set(request: Request, f: FormatQuery = None) -> dict[str, Any]:
     """Which tiles there are at each zoom level, and where (OGC 17-083r4)."""
     _only(request, f, ("json",))
-    return matrix_set_document()
+    return documents.matrix_set_document()
 
 
 @ogc_router.get("/tiles", summary="Tilesets of the whole", responses=_LIST)
 def tilesets(request: Request, service: ServiceDep, base: BaseUrl, f: FormatQuery = None) -> dict[str, Any]:
     """There is one: vector tiles of all segments."""
     _only(request, f, ("json",))
-    return tilesets_document(service, base, f"{base}/tiles", SEGMENTS)
+    return documents.tilesets_document(service, base, f"{base}/tiles", SEGMENTS)
 
 
 @ogc_router.get(f"/tiles/{QUAD}", summary="The tileset of the whole", responses=_TILESET)
@@ -250,7 +245,7 @@ def collection_tilesets(
     """There is one: vector tiles."""
     layer = _layer(collection)
     _only(request, f, ("json",))
-    return tilesets_document(service, base, f"{base}/collections/{layer}/tiles", layer)
+    return documents.tilesets_document(service, base, f"{base}/collections/{layer}/tiles", layer)
 
 
 @ogc_router.get(
@@ -269,8 +264,8 @@ def _tileset(
 ) -> dict[str, Any]:
     _only(request, f, ("json", "tilejson"))
     if f == "tilejson":
-        return tilejson(service, base, layer)
-    return tileset_document(service, base, here, layer)
+        return documents.tilejson(service, base, layer)
+    return documents.tileset_document(service, base, here, layer)
 
 
 async def tile(

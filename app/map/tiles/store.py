@@ -220,9 +220,7 @@ async def kept_or_made(
 ) -> tuple[bytes | None, bytes]:
     """The kept tile, compressed, that was built for this tag; else None, and the tile as it is now, not compressed."""
     statement = _KEPT_OR_MADE.format(tile=_tile(at, full_zoom))
-    cursor = connection.cursor(binary=True)
-    await cursor.execute(statement, {**at._asdict(), "tag": tag, "most": NO_LIMIT})
-    row: Any = await cursor.fetchone()
+    row = await _row(connection, statement, at, tag=tag, most=NO_LIMIT)
     return row[0], row[1] or b""
 
 
@@ -232,18 +230,20 @@ async def most_important(connection: Connection, at: Address, most: int | None) 
     if most is not None:
         features += _WAYS_BY_IMPORTANCE if at.layer == WAYS else _PIECES_BY_IMPORTANCE
     statement = _MADE_AGAIN.format(tile=_COUNTED.format(layer=at.layer, features=features))
-    cursor = connection.cursor(binary=True)
-    await cursor.execute(statement, {**at._asdict(), "most": most})
-    row: Any = await cursor.fetchone()
+    row = await _row(connection, statement, at, most=most)
     return row[0] or b"", row[1]
 
 
 async def specks(connection: Connection, at: Address) -> bytes:
     """The tile of a low zoom in which no road is long enough to be seen; empty where there are none."""
-    cursor = connection.cursor(binary=True)
-    await cursor.execute(_SPECKS.format(level=drawn_level(at.z)), at._asdict())
-    row: Any = await cursor.fetchone()
+    row = await _row(connection, _SPECKS.format(level=drawn_level(at.z)), at)
     return row[0] or b""
+
+
+async def _row(connection: Connection, statement: str, at: Address, **values: Any) -> Any:
+    cursor = connection.cursor(binary=True)
+    await cursor.execute(statement, {**at._asdict(), **values})
+    return await cursor.fetchone()
 
 
 async def keep(connection: Connection, at: Address, tag: str, body: bytes) -> None:

@@ -9,7 +9,6 @@ sums that are kept up to date, cell by cell; nearer ones add up the few cells be
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -23,7 +22,7 @@ from app.map.tiles import store
 from app.map.tiles.connections import Asker, Connection, Connections, end, is_broken
 from app.map.tiles.store import CellVersion
 from app.network import ZOOM
-from app.network.cells import span
+from app.network.cells import cell_bounds, span
 
 WIDE = 12
 """Tiles of lower zooms meet a hundred cells and more."""
@@ -161,7 +160,12 @@ class Watch:
         """
         changed, anything = self._changed, self._anything
         self._changed, self._anything = None, False
-        return None if anything or changed is None else _bounds_deg(*changed)
+        if anything or changed is None:
+            return None
+        left, top, right, bottom = changed
+        west, _, _, north = cell_bounds(left << ZOOM | top)
+        _, south, east, _ = cell_bounds(right << ZOOM | bottom)
+        return west, south, east, north
 
     async def close(self) -> None:
         """Look no more."""
@@ -266,15 +270,3 @@ class Watch:
 def _lowest(snapshot: str) -> int:
     """The number of the oldest transaction that may have been running."""
     return int(snapshot.partition(":")[0])
-
-
-def _bounds_deg(left: int, top: int, right: int, bottom: int) -> Bounds:
-    """West, south, east, north of cells from a first column and row to a last one, both included."""
-
-    def longitude(column: int) -> float:
-        return float(column / (1 << ZOOM) * 360 - 180)
-
-    def latitude(row: int) -> float:
-        return math.degrees(math.atan(math.sinh(math.pi * (1 - 2 * row / (1 << ZOOM)))))
-
-    return longitude(left), latitude(bottom + 1), longitude(right + 1), latitude(top)

@@ -6,7 +6,7 @@ import json
 import math
 import re
 from dataclasses import replace
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -285,7 +285,7 @@ def test_tags_that_xml_can_not_hold_make_no_broken_layer() -> None:
     odd = replace(found(6.0, 8.0)[0], way=way(2, name='A "B" <C> & \x0b\nD'))
     nodes = {k: OsmNode(8.0 + k / 1000, 49.0, 0) for k in range(3)}
     root = defusedxml.ElementTree.fromstring(
-        f"<osm>{''.join(t for t, _ in layer_ways(odd.way, [odd], -1))}</osm>"
+        f"<osm>{''.join(layer_ways(odd.way, [odd], count(-1, -1)))}</osm>"
     )
     tags = {tag.attrib["k"]: tag.attrib["v"] for tag in root.iter("tag")}
     assert tags["name"] == 'A "B" <C> & \nD' and tags["incline"] == "8%"

@@ -15,8 +15,8 @@ from app.drives import publishing, queue
 from app.drives.worker import run_worker
 from app.map.derived import following
 from app.map.derived.chains import Course
+from app.map.derived.drawing import LEVELS, Stretches, children, pieces_of
 from app.map.derived.drawn_store import replace_pieces
-from app.map.derived.pieces import LEVELS, Stretches, children, pieces_of
 from app.ops import store as figures
 from derived_support import add_segment, derived, execute, from_scratch, ids_of, measure
 from fusion.types import Ints

@@ -114,7 +114,7 @@ class World:
         with pytest.MonkeyPatch.context() as patch, suppress(Death):
             patch.setattr(following, "AT_ONCE", 3)
             if name:
-                patch.setattr(following, name, die)
+                patch.setattr(following.drawn_store, name, die)
             following.follow(self.sessions, 0.0)
             if name:  # and while it follows changes
                 patch.setattr(following, "ask_to_draw", die)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.map.derived.chains import courses, together_m
-from app.map.derived.pieces import ABOVE, BELOW, DRAWN_LEVELS, LEVELS, children, parent, rank, tile_of
+from app.map.derived.drawing import ABOVE, BELOW, DRAWN_LEVELS, LEVELS, children, parent, rank, tile_of
 
 Road = tuple[int, int, int, bool]
 """From place to place, of a kind, one-way."""

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.map.derived.chains import Course
+from app.map.derived.drawing import LEVELS, ROOM_BYTES, Piece, Stretches, cut, pieces_of
 from app.map.derived.drawn_store import Ends, all_roads, changed_tiles, greater_roads, stretches_of
-from app.map.derived.pieces import LEVELS, ROOM_BYTES, Piece, Stretches, cut, pieces_of
 
 NAN = math.nan
 FINE, MIDDLE, COARSE = LEVELS[12], LEVELS[10], LEVELS[8]

@@ -62,7 +62,15 @@ numbers = st.floats() | st.builds(
 def test_numbers_are_rounded_alike(items: Items, values: list[float | None], digits: int) -> None:
     pieces = ", ',', ".join(
         value_sql(
-            Property(f"v{n}", f"CAST(%(v{n})s AS float8)", "number", "", "", nullable=True, digits=digits)
+            Property(
+                f"CAST(%(v{n})s AS float8)",
+                "double",
+                digits,
+                name=f"v{n}",
+                title="",
+                description="",
+                nullable=True,
+            )
         )
         for n in range(len(values))
     )
@@ -137,6 +145,6 @@ def test_one_feature(items: Items) -> None:
 
 
 def test_constants_cannot_end_the_text() -> None:
-    quoted = Property("it's", "s.id", "integer", "", "")
+    quoted = Property("s.id", "int64", name="it's", title="", description="")
     collection = type("C", (), {**vars(SEGMENTS), "properties": {"it's": quoted}, "key": "s.id"})
     assert "it''s" in feature_sql(collection, CRS84, ("it's",))  # type: ignore[arg-type]
