@@ -34,8 +34,8 @@ class OptionsModel(BaseModel):
     )
 
 
-class Named(Protocol):
-    """What a person chooses by, of methods, solvers and positionings alike."""
+class Described(Protocol):
+    """What a person chooses by."""
 
     @property
     def name(self) -> str:
@@ -52,13 +52,17 @@ class Named(Protocol):
         """One sentence for a person who chooses."""
         ...
 
+
+class Named(Described, Protocol):
+    """What is chosen with options: methods, solvers and positionings alike."""
+
     @property
     def options_model(self) -> type[OptionsModel]:
         """The options, each with its unit, range and default."""
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Registered:
     """Marks a string option, in ``Annotated``, as a name that ``registry`` holds; the refusal lists those."""
 

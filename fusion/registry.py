@@ -1,9 +1,9 @@
 """One kind of registry for everything that can be chosen by name: formats, methods, windows, outputs."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from fusion.errors import BadOptionsError, UnknownNameError
 
@@ -59,40 +59,24 @@ def unknown_name(role: str, name: str, known: Iterable[str]) -> UnknownNameError
     return UnknownNameError(f"There is no {role} called {name!r}. Choose one of: {', '.join(known)}.")
 
 
-class Registry(Generic[T]):
+class Registry(dict[str, T]):
     """Name -> thing, in order of registration; a duplicate is refused, an unknown name answered with the known ones."""
 
     def __init__(self, role: str) -> None:
         """``role`` is the singular noun that error messages use, such as ``method``."""
+        super().__init__()
         self.role = role
-        self._things: dict[str, T] = {}
 
     def add(self, name: str, thing: T) -> T:
         """Register ``thing``; raises ``ValueError`` when the name is taken."""
-        if name in self._things:
+        if name in self:
             raise ValueError(f"{self.role} {name!r} is registered twice")
-        self._things[name] = thing
+        self[name] = thing
         return thing
 
-    def __getitem__(self, name: str) -> T:
-        """Return the thing, or raise ``UnknownNameError`` listing what there is."""
-        try:
-            return self._things[name]
-        except KeyError:
-            raise unknown_name(self.role, name, self) from None
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._things
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._things)
-
-    def __len__(self) -> int:
-        return len(self._things)
-
-    def items(self) -> Iterator[tuple[str, T]]:
-        """Yield (name, thing) in order of registration."""
-        yield from self._things.items()
+    def __missing__(self, name: str) -> T:
+        """Raise ``UnknownNameError`` listing what there is."""
+        raise unknown_name(self.role, name, self)
 
 
 @dataclass(frozen=True)

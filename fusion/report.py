@@ -15,9 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from pyproj import Geod
 
-from fusion.errors import UnknownNameError
 from fusion.formats import FORMATS
-from fusion.formats.base import LogFormat
 from fusion.terrain.datum import MEAN_SEA_LEVEL, datum_of_log
 from fusion.types import CUES, MAX_SPEED_MPS, PAUSE_S, DriveLog, Floats, Track
 
@@ -206,20 +204,13 @@ def _matched_share(track: Track) -> float:
     return float(np.mean(track.segment >= 0)) if len(track) else 0.0
 
 
-def _format_of(log: DriveLog) -> LogFormat | None:
-    try:
-        return FORMATS[log.source_format]
-    except UnknownNameError:  # several formats, joined
-        return None
-
-
 def _altitude_advice(log: DriveLog) -> str:
-    known = _format_of(log)
+    known = FORMATS.get(log.source_format)  # none of several formats, joined
     return known.altitude_advice if known else _ALTITUDE_ADVICE
 
 
 def _doppler_advice(log: DriveLog) -> str:
-    known = _format_of(log)
+    known = FORMATS.get(log.source_format)
     return known.doppler_advice if known else _DOPPLER_ADVICE
 
 

@@ -122,22 +122,21 @@ def segments_frame(solution: Solution) -> GeoDataFrame:
 
     roads = solution.roads
     own = {field.name: [getattr(s, field.name) for s in solution.slopes] for field in fields(CombinedSlope)}
-    columns: dict[str, Any] = {
-        "osm_way_id": roads.osm_way_id,
-        "from_node": roads.from_node,
-        "to_node": roads.to_node,
-        "length_m": roads.length_m,
-        "highway": roads.highway,
-        "name": roads.name,
-        "oneway": roads.oneway,
-        "bridge": roads.bridge,
-        "tunnel": roads.tunnel,
-        "slope_percent": _floats(own["slope_percent"]),
-        "slope_sigma_percent": _floats(own["slope_sigma_percent"]),
-        "drives": np.array(own["drives"], np.int64),
-        "observations": np.array(own["observations"], np.int64),
-        "dem_slope_percent": solution.dem_slope_percent,
-    }
+    names = (
+        "osm_way_id",
+        "from_node",
+        "to_node",
+        "length_m",
+        "highway",
+        "name",
+        "oneway",
+        "bridge",
+        "tunnel",
+    )
+    columns: dict[str, Any] = {name: getattr(roads, name) for name in names}
+    columns |= {name: _floats(own[name]) for name in ("slope_percent", "slope_sigma_percent")}
+    columns |= {name: np.array(own[name], np.int64) for name in ("drives", "observations")}
+    columns["dem_slope_percent"] = solution.dem_slope_percent
     columns |= {name: _floats(own[name]) for name in (*HEIGHTS, *STEEPEST, "driven_share")}
     starts = np.column_stack([roads.lon0_deg, roads.lat0_deg])
     ends = np.column_stack([roads.lon1_deg, roads.lat1_deg])

@@ -17,6 +17,10 @@ SYSTEMS = "GRECJS"
 """Letters of the systems as RINEX has them; a system's number is its place here: GPS, GLONASS, Galileo, BeiDou, QZSS,
 SBAS."""
 GPS, GLONASS, GALILEO, BEIDOU, QZSS, SBAS = range(6)
+CARRIER_HZ = np.array([1575.42e6, 1602.0e6, 1575.42e6, 1561.098e6, 1575.42e6, 1575.42e6])
+"""Carrier of the L1 band by system, where a signal does not state its own: BeiDou's is B1I, GLONASS's its channel 0."""
+GLONASS_STEP_HZ = 562_500.0
+"""Centre of GLONASS's channel k: that of channel 0, and k of these (ICD 5.1, section 3.3.1.1)."""
 
 LIGHT_MPS = 299_792_458.0
 GPS_EPOCH_S = 315_964_800.0
@@ -116,9 +120,7 @@ class Signals:
     @classmethod
     def empty(cls) -> Self:
         """Without any epoch."""
-        rows, places = np.empty(0), np.empty((0, 3))
-        empty = np.empty(0, np.int64)
-        return cls(rows, np.zeros(1, np.int64), empty, empty, rows, rows, rows, rows, rows, places, places)
+        return cls.assemble(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))
 
     @classmethod
     def assemble(cls, row_gps_s: Floats, system: Ints, number: Ints, **columns: Floats) -> Self:

@@ -12,9 +12,8 @@ from fusion.frames import LocalProjection
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.motion.routes import Route
 from fusion.simulate.motion.vehicle import Driver
-from fusion.simulate.scene.heights import regression_slope
 from fusion.simulate.scene.plan import Kind
-from fusion.simulate.scene.segments import Way, node_ids, tabulate
+from fusion.simulate.scene.segments import Way, node_ids, regression_slope, tabulate
 from fusion.simulate.scene.town import CENTRE_LAT_DEG, CENTRE_LON_DEG, Terrain, Town
 from fusion.types import Floats
 

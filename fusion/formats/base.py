@@ -189,32 +189,17 @@ def usable_positions(
     with np.errstate(invalid="ignore"):
         faults: tuple[tuple[str, Bools, Callable[[int], str]], ...] = (
             ("without a time", ~np.isfinite(time_s), lambda i: "it has no time"),
-            (
-                "impossible time",
-                (time_s < MIN_TIME_S) | (time_s > MAX_TIME_S),
-                lambda i: f"the time is {_calendar(float(time_s[i]))}, outside 1980..2100",
-            ),
-            (
-                "incomplete position",
-                need & ~(np.isfinite(lat_deg) & np.isfinite(lon_deg)),
-                lambda i: "the latitude or the longitude is missing",
-            ),
-            (
-                "latitude out of range",
-                np.abs(lat_deg) > 90,
-                lambda i: f"lat_deg is {lat_deg[i]:.9g}, outside -90..90",
-            ),
-            (
-                "longitude out of range",
-                np.abs(lon_deg) > 180,
-                lambda i: f"lon_deg is {lon_deg[i]:.9g}, outside -180..180",
-            ),
-            (
-                "position 0, 0",
-                need & (lat_deg == 0) & (lon_deg == 0),
-                lambda i: "the position is 0, 0, as written without a fix",
-            ),
-        )
+            ("impossible time", (time_s < MIN_TIME_S) | (time_s > MAX_TIME_S),
+             lambda i: f"the time is {_calendar(float(time_s[i]))}, outside 1980..2100"),
+            ("incomplete position", need & ~(np.isfinite(lat_deg) & np.isfinite(lon_deg)),
+             lambda i: "the latitude or the longitude is missing"),
+            ("latitude out of range", np.abs(lat_deg) > 90,
+             lambda i: f"lat_deg is {lat_deg[i]:.9g}, outside -90..90"),
+            ("longitude out of range", np.abs(lon_deg) > 180,
+             lambda i: f"lon_deg is {lon_deg[i]:.9g}, outside -180..180"),
+            ("position 0, 0", need & (lat_deg == 0) & (lon_deg == 0),
+             lambda i: "the position is 0, 0, as written without a fix"),
+        )  # fmt: skip
     good = np.ones(len(time_s), bool)
     refused: list[tuple[int, str, int, str]] = []
     for reason, bad, say in faults:
@@ -264,8 +249,7 @@ def fix_and_velocity(time_s: Floats, columns: Mapping[str, Floats], notes: Notes
 
 
 def build_log(
-    format_name: str,
-    description: str,
+    kind: LogFormat,
     notes: Notes,
     tables: dict[str, SensorTable],
     *,
@@ -285,7 +269,7 @@ def build_log(
         why = f" The first: {notes.first_offender}." if notes.first_offender else ""
         advice = advice or "Check that the recording had satellite reception and upload it again."
         raise EmptyLogError(
-            f"This {description} holds no usable position.{why} {advice}",
+            f"This {kind.description} holds no usable position.{why} {advice}",
             where=notes.first_offender.split(":")[0] or None,
         )
     disorder = notes.repaired[OUT_OF_ORDER]
@@ -297,7 +281,7 @@ def build_log(
             notes.skipped[f"{name} samples at an impossible time"] += int((~sane).sum())
             tables[name] = table.take(sane)
     return DriveLog(
-        source_format=format_name,
+        source_format=kind.name,
         outages_s=np.empty(0) if outages_s is None else np.unique(outages_s),
         geoid=geoid,
         skipped=notes.skipped,

@@ -81,12 +81,12 @@ def _parse(body: bytes, line: int, layout: Layout, notes: Notes) -> Block:
     dates = cells.column(f"c{layout.known[DATE].index}").to_pylist() if DATE in layout.known else None
     for name, cell in layout.known.items():
         column = cells.column(f"c{cell.index}")
-        if name in layout.clocks:
+        if name in layout.schema.clocks:
             value, bare = _times(column, dates if name == TIME else None, cell, block, notes)
             block.columns[name] = value
             if bare and (name == TIME or TIME not in layout.known):
                 notes.warn(NO_OFFSET)
-        elif name in layout.words:
+        elif name in layout.schema.words:
             block.words[name] = [(text or "").strip().strip('"').strip() for text in column.to_pylist()]
         elif name != DATE:
             if faulty:

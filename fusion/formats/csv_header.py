@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -55,8 +56,7 @@ class Schema:
 class Layout:
     """How the cells lie: ``known`` gives the cell of each column of ours, ``width`` counts all cells.
 
-    ``body_at`` is the offset of the first row, ``line`` the number of its line; ``words`` and ``clocks`` as in
-    ``Schema``.
+    ``body_at`` is the offset of the first row, ``line`` the number of its line.
     """
 
     delimiter: str
@@ -65,12 +65,11 @@ class Layout:
     comma: bool
     body_at: int
     line: int
-    words: frozenset[str] = frozenset()
-    clocks: frozenset[str] = frozenset({TIME})
+    schema: Schema
 
     def is_text(self, name: str) -> bool:
         """Whether a column is read as it stands."""
-        return name in self.clocks or name in self.words or name == DATE
+        return name in self.schema.clocks or name in self.schema.words or name == DATE
 
 
 def from_utf16(data: bytes) -> bytes:
@@ -186,7 +185,9 @@ def layout_of(data: bytes, notes: Notes, schema: Schema, *, lines_before: int = 
     for sentence in (taken_sentence(columns), unknown_sentence(columns, schema.columns)):
         if sentence:
             notes.warn(sentence)
-    twice = sorted({c for c in map(str.lower, header) if c in columns.cells and _times_in(c, header) > 1})
+    twice = sorted(
+        c for c, times in Counter(map(str.lower, header)).items() if times > 1 and c in columns.cells
+    )
     if twice:
         notes.warn(f"The CSV names columns twice, of which the first is used: {', '.join(twice)}.")
     at += len(line)
@@ -195,17 +196,4 @@ def layout_of(data: bytes, notes: Notes, schema: Schema, *, lines_before: int = 
     end = LINE_END.match(data, at)
     at = end.end() if end else at
     comma = delimiter != "," and bool(_DECIMAL_COMMA.search(data[at : at + 65536]))
-    return Layout(
-        delimiter,
-        len(header),
-        columns.cells,
-        comma,
-        at,
-        number + 1 + lines_before,
-        schema.words,
-        schema.clocks,
-    )
-
-
-def _times_in(name: str, header: list[str]) -> int:
-    return sum(cell.lower() == name for cell in header)
+    return Layout(delimiter, len(header), columns.cells, comma, at, number + 1 + lines_before, schema)

@@ -120,28 +120,23 @@ class NamedColumnsCsv(EitherWay):
 
     def read(self, data: Data, progress: Progress, *, part: bool = False) -> DriveLog:
         """See ``EitherWay``."""
-        return _read_rows(data, progress, self.schema(part=part), self.name, self.description)
-
-
-def _read_rows(data: Data, progress: Progress, schema: Schema, name: str, description: str) -> DriveLog:
-    """The log of a CSV; raises ``LogError``."""
-    text = from_utf16(bytes(data))
-    notes, unit = Notes(), _SpeedUnit()
-    parts: dict[str, list[SensorTable]] = {}
-    for section, before in sections(text, notes):
-        layout = layout_of(section, notes, schema, lines_before=before)
-        for block, share in read_blocks(section, layout, notes):
-            for sensor, table in _assemble(block, unit, notes).items():
-                if len(table):
-                    parts.setdefault(sensor, []).append(table)
-            refuse_many(sum(map(len, parts.get("fix", ()))))
-            progress("read rows", share)
-    tables = {sensor: _joined(parts.pop(sensor), notes) for sensor in list(parts)}
-    progress("read rows", 1.0)
-    force = tables.pop("device", None)
-    motion = DeviceMotion(force=force) if isinstance(force, ThreeAxes) else DeviceMotion()
-    _drop_coarse_pressure(tables, notes)
-    return build_log(name, description, notes, tables, part=schema.part, device=motion)
+        schema, text = self.schema(part=part), from_utf16(bytes(data))
+        notes, unit = Notes(), _SpeedUnit()
+        parts: dict[str, list[SensorTable]] = {}
+        for section, before in sections(text, notes):
+            layout = layout_of(section, notes, schema, lines_before=before)
+            for block, share in read_blocks(section, layout, notes):
+                for sensor, table in _assemble(block, unit, notes).items():
+                    if len(table):
+                        parts.setdefault(sensor, []).append(table)
+                refuse_many(sum(map(len, parts.get("fix", ()))))
+                progress("read rows", share)
+        tables = {sensor: _joined(parts.pop(sensor), notes) for sensor in list(parts)}
+        progress("read rows", 1.0)
+        force = tables.pop("device", None)
+        motion = DeviceMotion(force=force) if isinstance(force, ThreeAxes) else DeviceMotion()
+        _drop_coarse_pressure(tables, notes)
+        return build_log(self, notes, tables, part=part, device=motion)
 
 
 def _drop_coarse_pressure(tables: dict[str, SensorTable], notes: Notes) -> None:

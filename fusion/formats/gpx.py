@@ -77,7 +77,7 @@ class GpxFormat(LogFormat):
         tables = _tables(
             points, slice(None) if good.all() else good, bool(METRES_AS_HDOP.search(_beginning(data))), notes
         )
-        return build_log("gpx", "GPX file", notes, tables, outages_s=_gaps(points, good))
+        return build_log(self, notes, tables, outages_s=_gaps(points, good))
 
 
 def _beginning(data: Data) -> bytes:

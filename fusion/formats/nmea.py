@@ -30,4 +30,4 @@ class NmeaFormat(LogFormat):
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""
-        return read_stream(data, progress, format_name=self.name, description=self.description)
+        return read_stream(data, progress, self)

@@ -21,7 +21,7 @@ from fusion.formats.csv_header import (
     text_head,
 )
 from fusion.signals import (
-    BEIDOU,
+    CARRIER_HZ,
     GLONASS,
     SYSTEMS,
     WEEK_S,
@@ -40,8 +40,6 @@ COLUMNS = (
     "time_s", "gps_week", "tow_s", "system", "satellite", "sv", PSEUDORANGE, *PLACE, *MOTION, *_STATED,
 )  # fmt: skip
 LARGEST_M = 1e9
-L1_HZ, B1I_HZ = 1_575_420_000.0, 1_561_098_000.0
-"""The carriers that are taken where none is stated; GLONASS has one for every channel, so there it stays unknown."""
 _NEAREST_SATELLITE_M = 6e6
 _MOST_SATELLITES = 1000
 
@@ -99,7 +97,7 @@ class PseudorangesCsvFormat(LogFormat):
                 f"This {self.description} holds no usable pseudorange.{why} Check its times, satellites and numbers.",
                 where=notes.first_offender.split(":")[0] or None,
             )
-        return build_log(self.name, self.description, notes, {}, raw=RawGnss(signals))
+        return build_log(self, notes, {}, raw=RawGnss(signals))
 
 
 def _columns(block: Block, notes: Notes) -> dict[str, Floats]:
@@ -155,7 +153,7 @@ def _signals(col: dict[str, Floats], notes: Notes) -> Signals:
             f"{int((~keep).sum())} rows have no position of their satellite, as others have: left out."
         )
     system = col["system"].astype(np.int64)
-    usual = np.select([system == BEIDOU, system == GLONASS], [B1I_HZ, np.nan], L1_HZ)
+    usual = np.where(system == GLONASS, np.nan, CARRIER_HZ[system])  # GLONASS has one for every channel
     carrier = np.where(np.isfinite(col["frequency_hz"]), col["frequency_hz"], usual)
     sigma = np.where(col["sigma_m"] > 0, col["sigma_m"], np.nan)
     signals = Signals.assemble(

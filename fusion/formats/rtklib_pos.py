@@ -28,15 +28,14 @@ from fusion.formats.base import (
 from fusion.formats.time_texts import times_of
 from fusion.frames import geodetic
 from fusion.signals import unix_from_gps
-from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Progress, SensorTable
+from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Ints, Progress, SensorTable
 
 _HEADER = re.compile(
     rb"(?m)^%[ \t]+(?P<scale>GPST|UTC|JST)[ ,;\t]+(?P<columns>[^\r\n]*(?:\bQ\b)[^\r\n]*)", re.IGNORECASE
 )
 _KINDS = ("latitude(deg)", "latitude(d'\")", "x-ecef(m)", "e-baseline(m)")
 _JST_AHEAD_S = 9 * 3600.0
-_DATE = re.compile(rb"\d{4}/\d{1,2}/\d{1,2}$")
-_CLOCK = re.compile(rb"\d{1,2}:\d{2}:\d{2}(?:\.\d+)?$")
+_TIME = re.compile(rb"\d{4}/\d{1,2}/\d{1,2} \d{1,2}:\d{2}:\d{2}(?:\.\d+)?$")
 _MOST_CELLS = 40
 _TO_BLANKS = bytes.maketrans(b",;\t", b"   ")
 _LARGEST = 1e12
@@ -79,10 +78,8 @@ class RtklibPosFormat(LogFormat):
         progress("read lines", 0.1)
         rows = _rows(text, header, notes)
         progress("read lines", 0.9)
-        log = build_log(
-            self.name, self.description, notes, _tables(rows, header, notes),
-            geoid="as RTKLIB was told" if header.geodetic else "unknown",
-        )  # fmt: skip
+        geoid = "as RTKLIB was told" if header.geodetic else "unknown"
+        log = build_log(self, notes, _tables(rows, header, notes), geoid=geoid)
         progress("read lines", 1.0)
         return log
 
@@ -116,7 +113,7 @@ class _Rows:
     time_s: Floats
     of_week: bool
     cells: Floats
-    line: np.ndarray[tuple[int], np.dtype[np.int64]]
+    line: Ints
 
 
 def _rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
@@ -154,8 +151,7 @@ def _uniform_rows(body: bytes, header: _Header) -> tuple[tuple[Floats, bool], Fl
     lead = [table.column(name) for name in names[:2]]
     cells = np.column_stack([table.column(name).to_numpy() for name in names[2:]])
     if of_week:
-        with np.errstate(over="ignore", invalid="ignore"):
-            return (np.asarray(lead[0].to_numpy() * WEEK_S + lead[1].to_numpy()), True), cells
+        return (_of_week(*(column.to_numpy() for column in lead)), True), cells
     texts = pc.binary_join_element_wise(*lead, " ").to_pylist()
     return (times_of(texts)[0], False), cells
 
@@ -194,8 +190,17 @@ def _single_rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
     if not good_cells:
         return _Rows(np.empty(0), False, np.empty((0, max(width - 2, least - 2))), line)
     of_week = b"/" not in good_cells[0][0]
-    time_s = _week_times(good_cells) if of_week else _calendar_times(good_cells)
+    if of_week:
+        time_s = _of_week(*_numbers([row[:2] for row in good_cells]).T)
+    else:
+        texts = [b" ".join(row[:2]) for row in good_cells]
+        time_s = times_of([text.decode() if _TIME.match(text) else None for text in texts])[0]
     return _Rows(time_s, of_week, _numbers([row[2:] for row in good_cells]), line)
+
+
+def _of_week(week: Floats, second: Floats) -> Floats:
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(week * WEEK_S + second)
 
 
 def _numbers(rows: list[list[bytes]]) -> Floats:
@@ -215,36 +220,6 @@ def _numbers(rows: list[list[bytes]]) -> Floats:
 def _number(cell: bytes) -> float:
     try:
         return float(cell)
-    except ValueError:
-        return float("nan")
-
-
-def _week_times(rows: list[list[bytes]]) -> Floats:
-    week, second = (np.array([_number(row[k]) for row in rows]) for k in (0, 1))
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(week * WEEK_S + second)
-
-
-def _calendar_times(rows: list[list[bytes]]) -> Floats:
-    """Seconds since 1970 of dates and times, each day looked up once."""
-    days: dict[bytes, float] = {}
-    out = np.full(len(rows), np.nan)
-    for k, (date, clock, *_) in enumerate(rows):
-        day = days.get(date)
-        if day is None:
-            day = days.setdefault(date, _day_s(date))
-        if _CLOCK.match(clock):
-            hour, minute, second = clock.split(b":")
-            out[k] = day + int(hour) * 3600 + int(minute) * 60 + float(second)
-    return out
-
-
-def _day_s(date: bytes) -> float:
-    if not _DATE.match(date):
-        return float("nan")
-    try:
-        text = "-".join(part.zfill(2) for part in date.decode().split("/"))
-        return float(np.datetime64(text, "s").astype(np.int64))
     except ValueError:
         return float("nan")
 

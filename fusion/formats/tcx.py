@@ -14,7 +14,7 @@ import numpy as np
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log, usable_positions
 from fusion.formats.xml_points import Layout, Points, read_points
-from fusion.types import Bools, DriveLog, Floats, GnssFix, Odometry, Progress
+from fusion.types import Bools, DriveLog, Floats, GnssFix, Odometry, Progress, SensorTable
 
 HEAD_BYTES = 8192
 ROOT = re.compile(rb"<(?:[\w.-]+:)?TrainingCenterDatabase[\s>]")
@@ -71,13 +71,8 @@ class TcxFormat(LogFormat):
             alt_msl_m=points.column("alt")[here],
         )
         odometry = Odometry.assemble(points.time_s[moving], speed_mps=speed[moving])
-        return build_log(
-            self.name,
-            self.description,
-            notes,
-            {"fix": fix, "odometry": odometry},
-            outages_s=_gaps(points, here),
-        )
+        tables: dict[str, SensorTable] = {"fix": fix, "odometry": odometry}
+        return build_log(self, notes, tables, outages_s=_gaps(points, here))
 
 
 def _refuse_undriven(points: Points) -> None:

@@ -23,4 +23,4 @@ class UbxFormat(LogFormat):
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""
-        return read_stream(data, progress, format_name=self.name, description=self.description)
+        return read_stream(data, progress, self)

@@ -81,12 +81,7 @@ class UCenterFormat(LogFormat):
                 where="line 1",
             )
         return read_stream(
-            stream,
-            progress,
-            format_name=self.name,
-            description=self.description,
-            notes=notes,
-            place=lambda offset: f"line {line_of(offset)}",
+            stream, progress, self, notes=notes, place=lambda offset: f"line {line_of(offset)}"
         )
 
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from fusion.gnss.earth import EARTH_RATE_RADPS
-from fusion.gnss.orbits.satellites import L1_HZ
-from fusion.signals import LIGHT_MPS
+from fusion.signals import CARRIER_HZ, GPS, LIGHT_MPS
 from fusion.types import Floats
 
 DEFAULT_KLOBUCHAR = (1.118e-8, -7.451e-9, -5.961e-8, 1.192e-7, 1.167e5, -2.294e5, -1.311e5, 1.049e6)
@@ -81,7 +80,9 @@ def klobuchar_delay_m(
     phase = 2.0 * np.pi * (local_s - _NOON_S) / period_s
     wave = np.where(np.abs(phase) < _NIGHT_PHASE_RAD, 1.0 - phase**2 / 2.0 + phase**4 / 24.0, 0.0)
     slant = 1.0 + 16.0 * (0.53 - elevation) ** 3
-    return np.asarray(LIGHT_MPS * slant * (_NIGHT_S + amplitude_s * wave) * (L1_HZ / carrier_hz) ** 2)
+    return np.asarray(
+        LIGHT_MPS * slant * (_NIGHT_S + amplitude_s * wave) * (CARRIER_HZ[GPS] / carrier_hz) ** 2
+    )
 
 
 def zenith_delays_m(lat_rad: Floats, height_m: Floats) -> tuple[Floats, Floats]:

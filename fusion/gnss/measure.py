@@ -21,9 +21,9 @@ from fusion.gnss.corrections import (
 from fusion.gnss.earth import elevation_azimuth
 from fusion.gnss.measurements import Measurements
 from fusion.gnss.missing_navigation import navigation_warnings
-from fusion.gnss.orbits.satellites import CARRIER_HZ, SatelliteStates, states_when_sent
+from fusion.gnss.orbits.satellites import SatelliteStates, states_when_sent
 from fusion.gnss.rough_places import FEWEST, rough_places
-from fusion.signals import GPS, LIGHT_MPS, QZSS, SBAS, SYSTEMS, RawGnss, Signals, satellite_name
+from fusion.signals import CARRIER_HZ, GPS, LIGHT_MPS, QZSS, SBAS, SYSTEMS, RawGnss, Signals, satellite_name
 from fusion.types import Bools, Floats, Ints, Progress
 
 LOWEST_RAD = np.radians(5.0)

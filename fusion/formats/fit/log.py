@@ -18,6 +18,8 @@ What is read, and what not, by message of the FIT profile:
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
@@ -93,8 +95,7 @@ class FitFormat(LogFormat):
             for name, count in file.uncalibrated.items():
                 notes.skip(f"{name} samples that are not calibrated", count)
         return build_log(
-            self.name,
-            self.description,
+            self,
             notes,
             tables,
             outages_s=gaps,
@@ -148,7 +149,6 @@ class _Part:
         camera = file.columns["gps_metadata"]
         self.camera = camera
         self.camera_s = self._unix(camera["timestamp"], np.nan_to_num(camera["timestamp_ms"]) * 1e-3)
-        self.pressure_pa = file.columns["barometer_data"]["baro_pres"]
 
     def sampled_s(self, message: str) -> Floats:
         """The times of a message's samples, Unix seconds."""
@@ -222,41 +222,38 @@ def _tables(parts: list[_Part], notes: Notes) -> tuple[dict[str, SensorTable], F
         alt_msl_m=column("enhanced_altitude")[good],
         h_acc_m=np.where(accuracy > 0, accuracy, np.nan)[good],
     )
+    record_s, record = np.concatenate([p.record_s for p in parts]), _joined(p.record for p in parts)
     return {
         "fix": fix,
         "velocity": _velocity(parts),
-        "odometry": _odometry(parts),
-        "pressure": _pressure(parts, notes),
+        "odometry": Odometry.assemble(record_s, speed_mps=record["enhanced_speed"]),
+        "pressure": _pressure(parts, record_s, record, notes),
     }, _gaps(parts, fix.time_s)
+
+
+def _joined(columns: Iterable[dict[str, Floats]]) -> dict[str, Floats]:
+    """The columns of a message, of all files of a chain."""
+    files = list(columns)
+    return {name: np.concatenate([file[name] for file in files]) for name in files[0]}
 
 
 def _velocity(parts: list[_Part]) -> GnssVelocity:
     """The camera's velocity vector; for want of it, its speed and course."""
-    time_s = np.concatenate([p.camera_s for p in parts])
-    columns = {name: np.concatenate([p.camera[name] for p in parts]) for name in parts[0].camera}
+    columns = _joined(p.camera for p in parts)
     north, east = ground_velocity(columns["enhanced_speed"], np.radians(columns["heading"]))
     has_vector = np.isfinite(columns["velocity_0"]) & np.isfinite(columns["velocity_1"])
     return GnssVelocity.assemble(
-        time_s,
+        np.concatenate([p.camera_s for p in parts]),
         vel_n_mps=np.where(has_vector, columns["velocity_1"], north),
         vel_e_mps=np.where(has_vector, columns["velocity_0"], east),
         vel_d_mps=-columns["velocity_2"],
     )
 
 
-def _odometry(parts: list[_Part]) -> Odometry:
-    return Odometry.assemble(
-        np.concatenate([p.record_s for p in parts]),
-        speed_mps=np.concatenate([p.record["enhanced_speed"] for p in parts]),
-    )
-
-
-def _pressure(parts: list[_Part], notes: Notes) -> Pressure:
+def _pressure(parts: list[_Part], record_s: Floats, record: dict[str, Floats], notes: Notes) -> Pressure:
     """Pressures, with the temperature that the device states at the time."""
-    record_s = np.concatenate([p.record_s for p in parts])
-    record = {n: np.concatenate([p.record[n] for p in parts]) for n in parts[0].record}
     time_s = np.concatenate([p.sampled_s("barometer_data") for p in parts])
-    pressure = np.concatenate([p.pressure_pa for p in parts])
+    pressure = np.concatenate([p.file.columns["barometer_data"]["baro_pres"] for p in parts])
     own = np.isfinite(record["absolute_pressure"])
     if np.isfinite(record["enhanced_altitude"]).any():
         notes.skip("pressures of records whose altitude is made of them", int(own.sum()))
@@ -277,9 +274,8 @@ def _pressure(parts: list[_Part], notes: Notes) -> Pressure:
 
 def _axes(parts: list[_Part], message: str, name: str, unit: float) -> ThreeAxes:
     """Calibrated samples along the device's axes, in SI units."""
-    x, y, z = (
-        unit * np.concatenate([p.file.columns[message][f"{name}_{axis}"] for p in parts]) for axis in "xyz"
-    )
+    columns = _joined(p.file.columns[message] for p in parts)
+    x, y, z = (unit * columns[f"{name}_{axis}"] for axis in "xyz")
     return ThreeAxes.assemble(np.concatenate([p.sampled_s(message) for p in parts]), x=x, y=y, z=z)
 
 

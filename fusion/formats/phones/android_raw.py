@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Notes
-from fusion.formats.phones.log_lines import ABSENT, Table
+from fusion.formats.phones.log_lines import ABSENT, WHOLE, Table
 from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,
+    CARRIER_HZ,
     GALILEO,
     GLONASS,
     GLONASS_AHEAD_S,
@@ -30,6 +31,7 @@ from fusion.signals import (
 )
 from fusion.types import Bools, Floats, Ints
 
+_Columns = dict[str, NDArray[Any]]
 MEASURED = (
     "TimeNanos", "FullBiasNanos", "BiasNanos", "TimeOffsetNanos", "HardwareClockDiscontinuityCount", "Svid", "State",
     "ReceivedSvTimeNanos", "ReceivedSvTimeUncertaintyNanos", "Cn0DbHz", "PseudorangeRateMetersPerSecond",
@@ -49,9 +51,6 @@ _LESS = {SBAS: 100, QZSS: 192}
 _MOST_SATELLITES = 63
 _L1_HZ = (1.559e9, 1.611e9)
 """The band of B1, E1, L1 and G1 (ITU: 1559 to 1610 MHz, and GLONASS's channels)."""
-_BAND_DEFAULT_HZ = {GPS: 1_575_420_000.0, GALILEO: 1_575_420_000.0, QZSS: 1_575_420_000.0, SBAS: 1_575_420_000.0,
-                    BEIDOU: 1_561_098_000.0}  # fmt: skip
-"""For phones that do not state the carrier: they have one band only."""
 _B1I_BELOW_HZ = 1.57e9
 _SHORTEST_M, _LONGEST_M = 1e7, 1e8
 """Satellites are 19 000 to 42 000 km away; the phone's clock is known to some ms beside."""
@@ -71,10 +70,10 @@ def measured(table: Table, notes: Notes) -> Signals:
     if absent:
         notes.warn(f"The header of the Raw lines does not name {', '.join(absent)}: they cannot be used.")
         return Signals.empty()
-    col = _Columns(table)
+    col = {name: _column(table, name) for name in MEASURED}
     system, number = _satellites(col)
     keep = _usable(col, system, number, table, notes)
-    col, system, number = col.take(keep), system[keep], number[keep]
+    col, system, number = {name: column[keep] for name, column in col.items()}, system[keep], number[keep]
     received_ns, part_ns = _received(col, notes)
     sent_ns, period_ns = _sent(col, system, received_ns)
     flight_ns = (received_ns - sent_ns + period_ns // 2) % period_ns - period_ns // 2
@@ -84,70 +83,49 @@ def measured(table: Table, notes: Notes) -> Signals:
     sane = (pseudorange_m > _SHORTEST_M) & (pseudorange_m < _LONGEST_M)
     sane &= (time_s > MIN_TIME_S) & (time_s < MAX_TIME_S)
     notes.skip("raw measurements whose pseudorange or time cannot be", int((~sane).sum()))
-    carrier = col.carrier_hz(system)
+    # phones that do not state the carrier have one band only
+    stated = _positive(col["CarrierFrequencyHz"])
+    carrier = np.where(np.isfinite(stated), stated, np.where(system == GLONASS, np.nan, CARRIER_HZ[system]))
     # of two signals of one satellite the first is taken: B1I before B1C
     order = np.argsort((system == BEIDOU) & (carrier > _B1I_BELOW_HZ), kind="stable")
     order = order[sane[order]]
     return Signals.assemble(
         gps_s[order], system[order], number[order], pseudorange_m=pseudorange_m[order],
-        range_rate_mps=col.floats("PseudorangeRateMetersPerSecond")[order], cn0_dbhz=col.floats("Cn0DbHz")[order],
-        sigma_m=col.positive("ReceivedSvTimeUncertaintyNanos")[order] * 1e-9 * LIGHT_MPS, frequency_hz=carrier[order],
+        range_rate_mps=col["PseudorangeRateMetersPerSecond"][order], cn0_dbhz=col["Cn0DbHz"][order],
+        sigma_m=_positive(col["ReceivedSvTimeUncertaintyNanos"])[order] * 1e-9 * LIGHT_MPS, frequency_hz=carrier[order],
     )  # fmt: skip
 
 
-class _Columns:
-    """The table's columns by name, with what stands for those that are missing."""
+def _column(table: Table, name: str) -> NDArray[Any]:
+    """A column; ``ABSENT`` among whole numbers, else NaN, where there is none."""
+    if name in WHOLE:
+        return table.columns.get(name, np.full(len(table), ABSENT))
+    column = table.columns.get(name, np.full(len(table), np.nan))
+    return np.where(np.isfinite(column), column, np.nan)
 
-    def __init__(self, table: Table, keep: Bools | None = None) -> None:
-        self._table = table
-        self._keep = np.ones(len(table), bool) if keep is None else keep
 
-    def take(self, keep: Bools) -> _Columns:
-        """The rows that a mask selects."""
-        return _Columns(self._table, keep)
-
-    def ints(self, name: str) -> Ints:
-        """Whole numbers; ``ABSENT`` where there is none."""
-        column: NDArray[Any] = self._table.columns.get(name, np.full(len(self._table), ABSENT))
-        return column[self._keep]
-
-    def floats(self, name: str) -> Floats:
-        """Numbers; NaN where there is none."""
-        column: NDArray[Any] = self._table.columns.get(name, np.full(len(self._table), np.nan))
-        return np.where(np.isfinite(column), column, np.nan)[self._keep]
-
-    def positive(self, name: str) -> Floats:
-        """Numbers above 0; NaN elsewhere."""
-        column = self.floats(name)
-        return np.where(column > 0, column, np.nan)
-
-    def carrier_hz(self, system: Ints) -> Floats:
-        """The carrier; where the phone does not state it, that of its system."""
-        stated = self.positive("CarrierFrequencyHz")
-        usual = np.full(len(system), np.nan)
-        for one_system, hz in _BAND_DEFAULT_HZ.items():
-            usual[system == one_system] = hz
-        return np.where(np.isfinite(stated), stated, usual)
+def _positive(column: Floats) -> Floats:
+    return np.where(column > 0, column, np.nan)
 
 
 def _satellites(col: _Columns) -> tuple[Ints, Ints]:
     """System (-1 of those that are not read) and number as RINEX has it."""
-    kind = col.ints("ConstellationType")
+    kind = col["ConstellationType"]
     system = np.where((kind >= 0) & (kind < len(_SYSTEM_OF)), _SYSTEM_OF[np.clip(kind, 0, 7)], -1)
-    number = col.ints("Svid").copy()
+    number = col["Svid"].copy()
     for one_system, less in _LESS.items():
         number[(system == one_system) & (number > less)] -= less
     return system, number
 
 
 def _usable(col: _Columns, system: Ints, number: Ints, table: Table, notes: Notes) -> Bools:
-    state = col.ints("State")
+    state = col["State"]
     complete = np.ones(len(table), bool)
     for name in _NEEDED:
-        value = col.ints(name)
+        value = col[name]
         complete &= (value > -_HUGE) & (value < _HUGE)
     time_decoded = np.where(system == GLONASS, _GLO_TOD_DECODED | _GLO_TOD_KNOWN, _TOW_DECODED | _TOW_KNOWN)
-    carrier = col.positive("CarrierFrequencyHz")
+    carrier = _positive(col["CarrierFrequencyHz"])
     with np.errstate(invalid="ignore"):
         elsewhere = (carrier < _L1_HZ[0]) | (carrier > _L1_HZ[1])
     faults = (
@@ -169,21 +147,21 @@ def _usable(col: _Columns, system: Ints, number: Ints, table: Table, notes: Note
 
 def _received(col: _Columns, notes: Notes) -> tuple[Ints, Floats]:
     """When measurements were received: GPS nanoseconds, whole ones and the part of one beside them."""
-    clock_ns, bias_ns = col.ints("TimeNanos"), col.ints("FullBiasNanos")
-    small_ns = np.nan_to_num(col.floats("BiasNanos"))
-    run = col.ints("HardwareClockDiscontinuityCount")
+    clock_ns, bias_ns = col["TimeNanos"], col["FullBiasNanos"]
+    small_ns = np.nan_to_num(col["BiasNanos"])
+    run = col["HardwareClockDiscontinuityCount"]
     _, which, count = np.unique(run, return_inverse=True, return_counts=True)
     if len(count) > 1:
         notes.repaired["restarts of the phone's clock"] += len(count) - 1
     by_run = np.lexsort((bias_ns, which))
     middle = by_run[np.cumsum(count) - count + count // 2][which]
-    offset_ns = np.nan_to_num(col.floats("TimeOffsetNanos"))
+    offset_ns = np.nan_to_num(col["TimeOffsetNanos"])
     return clock_ns - bias_ns[middle], offset_ns - small_ns[middle]
 
 
 def _sent(col: _Columns, system: Ints, received_ns: Ints) -> tuple[Ints, Ints]:
     """When they were sent, on the GPS scale but for whole periods, and that period: a day or a week, nanoseconds."""
-    sent = col.ints("ReceivedSvTimeNanos").copy()
+    sent = col["ReceivedSvTimeNanos"].copy()
     sent[system == BEIDOU] += int(BEIDOU_LATE_S) * _NANO
     gps_s = received_ns / _NANO
     leap_s = np.round(gps_s + GPS_EPOCH_S - unix_from_gps(gps_s)).astype(np.int64)

@@ -112,7 +112,7 @@ class GnssLoggerFormat(EitherWay):
             raise MalformedLogError(
                 f"This {self.description} has a header and no line after it. Upload the whole file."
             )
-        return build_log(self.name, self.description, notes, tables, raw=raw, part=part, device=device)
+        return build_log(self, notes, tables, raw=raw, part=part, device=device)
 
 
 def _fixes(lines: LogLines, notes: Notes) -> dict[str, SensorTable]:

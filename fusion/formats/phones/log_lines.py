@@ -87,7 +87,7 @@ class LogLines:
 def _columns(body: bytes, width: int, places: dict[str, int], rows: int) -> dict[str, NDArray[Any]]:
     """Typed columns of text without its header; slower, cell by cell, where a cell is no number."""
     try:
-        table = _convert(body, width, places, typed=True)
+        table = _convert(body, width, places)
         if table.num_rows != rows:
             raise pa.ArrowInvalid("a cell holds quotes or the end of a line")
     except pa.ArrowException:
@@ -106,7 +106,7 @@ def _columns(body: bytes, width: int, places: dict[str, int], rows: int) -> dict
     return out
 
 
-def _convert(body: bytes, width: int, places: dict[str, int], *, typed: bool) -> pa.Table:
+def _convert(body: bytes, width: int, places: dict[str, int]) -> pa.Table:
     types = {f"c{i}": pa.int64() if name in WHOLE else pa.float64() for name, i in places.items()}
     return csv.read_csv(
         pa.py_buffer(body),
@@ -115,7 +115,7 @@ def _convert(body: bytes, width: int, places: dict[str, int], *, typed: bool) ->
         ),
         csv.ParseOptions(quote_char=False, ignore_empty_lines=False),
         csv.ConvertOptions(
-            check_utf8=False, include_columns=list(types), column_types=types if typed else {}, null_values=["", "NaN"]
+            check_utf8=False, include_columns=list(types), column_types=types, null_values=["", "NaN"]
         ),
     )  # fmt: skip
 

@@ -14,10 +14,12 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fusion.arrays import ColumnTable
 from fusion.types import AngularRate, Bools, DeviceMotion, DriveLog, Floats, Ints, SpecificForce, ThreeAxes
 
+Complexes = NDArray[np.complex128]
 STANDARD_GRAVITY = 9.80665
 _BLOCK_S = 20.0
 """Slopes and biases hardly change in this time: level directions are compared within it."""
@@ -170,7 +172,7 @@ class _Changes(ColumnTable):
 
     begin_s: Floats
     end_s: Floats
-    felt: np.ndarray[tuple[int], np.dtype[np.complex128]]
+    felt: Complexes
     turn_radps: Floats
 
 
@@ -232,17 +234,15 @@ def _forward(force: ThreeAxes, sign: int, axes: Floats, changes: _Changes) -> _F
     return best
 
 
-def _centred(
-    value: np.ndarray[tuple[int], np.dtype[np.complex128]], block: Ints
-) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
+def _centred(value: Complexes, block: Ints) -> Complexes:
     count = np.bincount(block)
     mean = (np.bincount(block, value.real) + 1j * np.bincount(block, value.imag)) / count
     return value - mean[block]
 
 
 def _regression(
-    cause: np.ndarray[tuple[int], np.dtype[np.complex128]],
-    effect: np.ndarray[tuple[int], np.dtype[np.complex128]],
+    cause: Complexes,
+    effect: Complexes,
     block: Ints,
 ) -> _Forward:
     """``effect = factor * cause``, with a sigma of the factor's angle by leaving out each block in turn."""

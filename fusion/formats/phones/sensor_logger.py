@@ -104,7 +104,7 @@ class SensorLoggerFormat(EitherWay):
             )
         used = positions or "pressure" in cells or {"x", "y", "z"} <= set(cells)
         if not used or self.file.startswith(_UNUSED):
-            return build_log(self.name, self.description, notes, {}, part=part)
+            return build_log(self, notes, {}, part=part)
         if "time" not in cells:
             raise MalformedLogError(
                 f"This {self.description} has no column time. Export the recording again."
@@ -120,7 +120,7 @@ class SensorLoggerFormat(EitherWay):
         elif kind := _MOTION.get(self.file):
             axes = ThreeAxes.assemble(_sane(time_s, notes), None, **{n: col[n] for n in "xyz"})
             device = DeviceMotion(**{kind: axes})
-        return build_log(self.name, self.description, notes, tables, part=part, device=device)
+        return build_log(self, notes, tables, part=part, device=device)
 
 
 def _columns(text: bytes, notes: Notes, progress: Progress) -> tuple[dict[str, Floats], list[Block]]:

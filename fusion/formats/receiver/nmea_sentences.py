@@ -156,15 +156,10 @@ PROGRESS_EVERY = 1 << 15
 class NmeaContent:
     """What the sentences say: tables, and time marks for sensors in the same stream."""
 
-    tables: dict[str, SensorTable]
-    marks: Marks
-    sentences: int
-    dated: bool
-
-    @classmethod
-    def none(cls) -> NmeaContent:
-        """Nothing said."""
-        return cls({}, Marks(np.empty(0, np.int64), np.empty(0)), 0, False)
+    tables: dict[str, SensorTable] = field(default_factory=dict)
+    marks: Marks = field(default_factory=Marks)
+    sentences: int = 0
+    dated: bool = False
 
 
 def read_sentences(text: bytes, notes: Notes, place: Place, tick: Callable[[float], None]) -> NmeaContent:

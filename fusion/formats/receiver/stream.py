@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import Data, Notes, Place, build_log
+from fusion.formats.base import Data, LogFormat, Notes, Place, build_log
 from fusion.formats.receiver import nmea_sentences, ubx_navigation, ubx_older, ubx_raw, ubx_subframes
 from fusion.formats.receiver.nmea_sentences import WRONG_CHECKSUM
 from fusion.formats.receiver.ubx_frames import SYNC, Frames, find_frames, without_frames
@@ -20,9 +20,8 @@ ENABLE = (
 def read_stream(
     data: Data,
     progress: Progress,
+    kind: LogFormat,
     *,
-    format_name: str,
-    description: str,
     notes: Notes | None = None,
     place: Place | None = None,
 ) -> DriveLog:
@@ -35,7 +34,7 @@ def read_stream(
     where = place or _default_place(data, frames)
     _count_broken(frames, notes, where)
     _warn_of_cut(data, frames, notes, where)
-    content = nmea_sentences.NmeaContent.none()
+    content = nmea_sentences.NmeaContent()
     text = without_frames(data, frames)
     if b"$" in text:
         content = nmea_sentences.read_sentences(
@@ -43,26 +42,23 @@ def read_stream(
         )
     del text
     if not len(frames) and not content.sentences:
-        broken = len(frames.corrupt)
-        sentences = notes.skipped[WRONG_CHECKSUM]
+        sentences, nothing = notes.skipped[WRONG_CHECKSUM], f"This {kind.description} holds no"
         if sentences:
             raise MalformedLogError(
-                f"This {description} holds no intact message: the checksum of {sentences} NMEA sentences is wrong. "
-                "Copy the file again.",
+                f"{nothing} intact message: the checksum of {sentences} NMEA sentences is wrong. Copy the file again."
             )
-        if broken:
+        if len(frames.corrupt):
             raise MalformedLogError(
-                f"This {description} holds no intact message: {broken} have a wrong checksum. Copy the file again.",
+                f"{nothing} intact message: {len(frames.corrupt)} have a wrong checksum. Copy the file again.",
                 where=f"byte {frames.corrupt[0]}",
             )
         raise MalformedLogError(
-            f"This {description} holds no complete message: its {len(data)} bytes end before the first one does. "
-            "Upload the whole file.",
+            f"{nothing} complete message: its {len(data)} bytes end before the first one does. Upload the whole file.",
             where=f"byte {len(data)}",
         )
     tables, geoid, raw = _merge(data, frames, content, notes, where)
     progress("read messages", 1.0)
-    return build_log(format_name, description, notes, tables, geoid=geoid, advice=ENABLE, raw=raw)
+    return build_log(kind, notes, tables, geoid=geoid, advice=ENABLE, raw=raw)
 
 
 def _default_place(data: Data, frames: Frames) -> Place:

@@ -17,15 +17,7 @@ from fusion.types import Ints
 
 Records = NDArray[np.void]
 
-_UTC = [
-    ("year", "<u2"),
-    ("month", "u1"),
-    ("day", "u1"),
-    ("hour", "u1"),
-    ("min", "u1"),
-    ("sec", "u1"),
-    ("valid", "u1"),
-]
+_UTC = [("year", "<u2"), *((name, "u1") for name in ("month", "day", "hour", "min", "sec", "valid"))]
 _PLACE = [("lon", "<i4"), ("lat", "<i4"), ("height", "<i4"), ("hMSL", "<i4")]
 _ATTITUDE = [
     ("iTOW", "<u4"), ("version", "u1"), ("reserved", "V3"),
@@ -91,8 +83,10 @@ ESF_RAW = 0x1003
 ESF_STATUS = 0x1010
 
 _NAMES = {kind: name for name, (kind, _) in TYPES.items()}
-_NAMES |= {ESF_MEAS: "ESF-MEAS", ESF_RAW: "ESF-RAW", ESF_STATUS: "ESF-STATUS"}
 _NAMES |= {
+    ESF_MEAS: "ESF-MEAS",
+    ESF_RAW: "ESF-RAW",
+    ESF_STATUS: "ESF-STATUS",
     0x0135: "NAV-SAT",
     0x1015: "ESF-INS",
 }

@@ -9,9 +9,9 @@ import numpy as np
 
 from fusion.formats.base import Data, Notes, Place, ground_velocity, usable_positions
 from fusion.formats.receiver import ubx_older
-from fusion.formats.receiver.time_tags import Marks
-from fusion.formats.receiver.ubx_clock import (
+from fusion.formats.receiver.time_tags import (
     Evidence,
+    Marks,
     WeekClock,
     gps_utc_seconds,
     own_time,
@@ -148,28 +148,24 @@ def _marks(stream: Stream, clock: WeekClock) -> Marks:
         return Marks(offset[first], clock.time_s(itow[first] * 1e-3, offset[first]))
     if RAWX in stream.messages:
         return epoch_marks(*stream.messages[RAWX])
-    return Marks(np.empty(0, np.int64), np.empty(0))
+    return Marks()
 
 
 def _valid_fix(records: Records, notes: Notes, place: Place, offset: Ints) -> Bools:
-    kind = records["fixType"]
-    reckoned = kind == DEAD_RECKONING
-    none = ~reckoned & ~np.isin(kind, (FIX_2D, FIX_3D, FIX_COMBINED))
-    flagged = ~reckoned & ~none & (records["flags"] & 1 == 0)
+    kind, fine = records["fixType"], records["flags"] & 1
+    flagged = fine == 0
     if "flags3" in (records.dtype.names or ()):
-        flagged |= ~reckoned & ~none & (records["flags3"] & 1 == 1)
-    for reason, hit in (
-        ("epochs without a fix", none),
-        ("epochs by dead reckoning alone", reckoned),
+        flagged |= records["flags3"] & 1 == 1
+    faults = (
+        ("epochs without a fix", ~np.isin(kind, (DEAD_RECKONING, FIX_2D, FIX_3D, FIX_COMBINED))),
+        ("epochs by dead reckoning alone", kind == DEAD_RECKONING),
         ("fixes that the receiver flags as not OK", flagged),
-    ):
-        at = np.flatnonzero(hit)
-        if len(at):
-            example = f"{place(int(offset[at[0]]))}: fixType {int(kind[at[0]])}"
-            notes.skip(
-                reason, len(at), f"{example}, gnssFixOK {int(records['flags'][at[0]] & 1)}", position=True
-            )
-    return np.asarray(~(none | reckoned | flagged))
+    )
+
+    def say(row: int) -> str:
+        return f"{place(int(offset[row]))}: fixType {int(kind[row])}, gnssFixOK {int(fine[row])}"
+
+    return notes.sift(faults, say, position=True)
 
 
 def _positions(

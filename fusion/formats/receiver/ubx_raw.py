@@ -14,8 +14,10 @@ from fusion.formats.receiver.ubx_frames import Frames
 from fusion.formats.receiver.ubx_messages import TYPES, Records, gather
 from fusion.signals import (
     BEIDOU,
+    CARRIER_HZ,
     GALILEO,
     GLONASS,
+    GLONASS_STEP_HZ,
     GPS,
     LIGHT_MPS,
     QZSS,
@@ -31,9 +33,6 @@ SYSTEM_OF = np.full(256, -1, np.int64)
 SYSTEM_OF[[0, 2, 3, 5, 6]] = [GPS, GALILEO, BEIDOU, QZSS, GLONASS]
 LAST_NUMBER = np.array([32, 32, 36, 63, 10, -1])
 """The highest satellite number by system; an index of -1 meets that of SBAS."""
-L1_HZ = np.array([1575.42e6, 1602e6, 1575.42e6, 1561.098e6, 1575.42e6, np.nan])
-"""Carrier by system; GLONASS's of channel 0."""
-GLONASS_STEP_HZ = 562_500.0
 _L1_SIGNALS = {(GPS, 0), (GALILEO, 0), (GALILEO, 1), (BEIDOU, 0), (BEIDOU, 1), (QZSS, 0), (GLONASS, 0)}
 """(System, signal number): L1 C/A, E1 C and B, B1I D1 and D2, L1OF."""
 _IS_L1 = np.zeros((6, 256), bool)
@@ -136,7 +135,7 @@ def _sound(rows: Records, system: Ints, notes: Notes) -> Bools:
 
 def _assemble(rows: Records, system: Ints, gps_s: Floats) -> Signals:
     step = np.where(system == GLONASS, GLONASS_STEP_HZ * (rows["freqId"].astype(float) - 7), 0.0)
-    frequency_hz = L1_HZ[system] + step
+    frequency_hz = CARRIER_HZ[system] + step
     doppler_hz = rows["doMes"].astype(float)
     doppler_hz[~(np.abs(doppler_hz) < 1e6)] = np.nan
     cn0 = rows["cno"].astype(float)

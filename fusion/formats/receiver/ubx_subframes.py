@@ -7,8 +7,6 @@ the top. The receiver hands on only what passed its parity checks.
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 
 from fusion.formats.base import Notes, Place
@@ -115,18 +113,15 @@ def _possible(states: GlonassEphemerides, notes: Notes) -> GlonassEphemerides:
     apart = np.linalg.norm(states.position_m, axis=1)
     possible = (apart > _GLONASS_RADIUS_M[0]) & (apart < _GLONASS_RADIUS_M[1])
     possible &= (states.channel >= -7) & (states.channel <= 6)
-    notes.skip(IMPOSSIBLE, int(np.count_nonzero(~possible)))
-    return states.take(possible)
+    return states.take(notes.sift(((IMPOSSIBLE, ~possible),)))
 
 
 def _sound_and_once(kepler: KeplerEphemerides, notes: Notes) -> KeplerEphemerides:
     """The possible orbits, each the first time that it was sent, in the order of sending."""
     possible = (kepler.root_a > _ROOT_A[0]) & (kepler.root_a < _ROOT_A[1])
     possible &= kepler.eccentricity < _MOST_ECCENTRIC
-    notes.skip(IMPOSSIBLE, int(np.count_nonzero(~possible)))
-    order = np.argsort(kepler.sent_s, kind="stable")
-    order = order[possible[order]]
-    names = [spec.name for spec in fields(kepler) if spec.name != "sent_s"]
-    table = np.column_stack([np.nan_to_num(getattr(kepler, name)[order].astype(float)) for name in names])
-    order = order[np.sort(np.unique(table, axis=0, return_index=True)[1])]
-    return kepler.take(order)
+    kepler = kepler.take(notes.sift(((IMPOSSIBLE, ~possible),)))
+    kepler = kepler.take(np.argsort(kepler.sent_s, kind="stable"))
+    columns = [column for name, column in vars(kepler).items() if name != "sent_s"]
+    table = np.column_stack([np.nan_to_num(column.astype(float)) for column in columns])
+    return kepler.take(np.sort(np.unique(table, axis=0, return_index=True)[1]))

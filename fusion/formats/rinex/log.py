@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat
-from fusion.formats.rinex.compact import is_compact
 from fusion.signals import Navigation
 from fusion.types import DriveLog, Progress
 
@@ -53,8 +52,14 @@ class RinexFormat(LogFormat):
         # The service, which only needs to know formats, shall not load a compiler for this one.
         from fusion.formats.rinex.reading import read_file  # noqa: PLC0415
 
-        return read_file(data, progress, navigation)
+        return read_file(data, progress, navigation, self)
 
 
 def _first_line(head: bytes) -> bytes:
     return head[:_FIRST_LINE_BYTES].split(b"\n", 1)[0]
+
+
+def is_compact(head: bytes) -> bool:
+    """Whether the first line says so, and is a line of text: a binary log may hold any bytes."""
+    line = head[:100].split(b"\n", 1)[0].rstrip(b"\r")
+    return b"CRINEX VERS" in line and line.isascii() and line.decode().isprintable()

@@ -66,6 +66,10 @@ class Records(ColumnTable):
     line: Ints
     count: Ints
 
+    def place(self, row: int) -> str:
+        """Where a record stands, in words."""
+        return f"line {self.line[row] + 1}"
+
 
 def find_records(lines: Lines, header: Header, notes: Notes) -> Records:
     """Find all records and read their numbers; what is no record, or of another kind, is counted."""
@@ -84,10 +88,11 @@ def find_records(lines: Lines, header: Header, notes: Notes) -> Records:
         shifted, fine = seconds_of(lines, head, _DATE_2_LETTER)
         time_s, good = np.where(lettered, shifted, time_s), np.where(lettered, fine, good)
     good &= np.isfinite(number) & (number >= 1)
-    bad = np.flatnonzero(~good)
-    if len(bad):
-        say = f"line {head[bad[0]] + 1}: {lines.line(int(head[bad[0]]))[:23]!r}"
-        notes.skip("navigation records without satellite or time", len(bad), say)
+
+    def say(row: int) -> str:
+        return f"line {head[row] + 1}: {lines.line(int(head[row]))[:23]!r}"
+
+    good = notes.sift((("navigation records without satellite or time", ~good),), say)
     lead = (4 if modern else 3) + (lettered & (not modern))
     value = _values(lines, head, count, lead)
     number = np.where(good, number, 0).astype(np.int64)
@@ -198,13 +203,11 @@ def read_navigation(lines: Lines, header: Header, notes: Notes) -> Navigation:
 def _complete(records: Records, least: int, notes: Notes) -> Records:
     """Those that have all their lines."""
     short = records.count < least
-    if short.any():
-        notes.skip("navigation records with lines missing", int(short.sum()), _where(records, short))
-    return records.take(~short)
+    return records.take(notes.sift((("navigation records with lines missing", short),), records.place))
 
 
-def _where(records: Records, bad: Bools) -> str:
-    return f"line {records.line[np.flatnonzero(bad)[0]] + 1}"
+def _possible(records: Records, fine: Bools, notes: Notes) -> Bools:
+    return notes.sift((("navigation records with numbers that cannot be", ~fine),), records.place)
 
 
 def _kepler(records: Records, notes: Notes) -> KeplerEphemerides:
@@ -217,10 +220,7 @@ def _kepler(records: Records, notes: Notes) -> KeplerEphemerides:
         fine &= (column["eccentricity"] < _LARGEST_ECCENTRICITY) & (
             np.abs(column["af0_s"]) < _LARGEST_CLOCK_S
         )
-    if not fine.all():
-        notes.skip(
-            "navigation records with numbers that cannot be", int((~fine).sum()), _where(records, ~fine)
-        )
+    fine = _possible(records, fine, notes)
     records, column = records.take(fine), {name: c[fine] for name, c in column.items()}
     toe, toc = toe[fine], toc[fine]
     late = np.where(records.system == BEIDOU, BEIDOU_LATE_S, 0.0)
@@ -298,10 +298,7 @@ def _glonass(records: Records, notes: Notes) -> GlonassEphemerides:
         radius, speed = np.linalg.norm(states[:, :, 0], axis=1), np.linalg.norm(states[:, :, 1], axis=1)
         fine &= (radius > _GLONASS_RADIUS_M[0]) & (radius < _GLONASS_RADIUS_M[1]) & (speed < _FASTEST_MPS)
         fine &= np.isfinite(states).all(axis=(1, 2)) & (channel >= _CHANNELS[0]) & (channel <= _CHANNELS[1])
-    if not fine.all():
-        notes.skip(
-            "navigation records with numbers that cannot be", int((~fine).sum()), _where(records, ~fine)
-        )
+    fine = _possible(records, fine, notes)
     return GlonassEphemerides(
         number=records.number[fine],
         channel=channel[fine].astype(np.int64),

@@ -27,6 +27,7 @@ from fusion.formats.rinex.scan import (
     ROWS,
     SHORT,
     STRAY,
+    Codes,
     count_codes,
     scan_2,
     scan_3,
@@ -35,7 +36,9 @@ from fusion.formats.rinex.scan import (
 from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,
+    CARRIER_HZ,
     GLONASS,
+    GLONASS_STEP_HZ,
     GPS,
     GPS_EPOCH_S,
     LIGHT_MPS,
@@ -45,12 +48,6 @@ from fusion.signals import (
     unix_from_gps,
 )
 from fusion.types import Bools, Floats, Ints, Progress
-
-L1_HZ = 1_575_420_000.0
-B1I_HZ = 1_561_098_000.0
-G1_HZ = 1_602_000_000.0
-G1_STEP_HZ = 562_500.0
-"""Centre of GLONASS channel k: G1 + k x step (ICD 5.1, section 3.3.1.1)."""
 
 # The open code that most receivers track comes first; those that need a guess at an encrypted one last.
 _PREFERRED: dict[str, tuple[str, ...]] = {
@@ -75,19 +72,9 @@ B1_AS_BAND_1 = 3.03
 """Before this version, the attributes I, Q and X of BeiDou's band 1 mean B1I (RINEX 3.03, table 9, note)."""
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Where codes stand in the rows: ``index`` (6, MOST_CODES, 3) counts observations from 0, -1 where there is none.
-
-    The three are pseudorange, Doppler and C/N0; ``factor``, alike, is what values are to be divided by.
-    """
-
-    index: NDArray[np.int64]
-    factor: NDArray[np.float64]
-
-
-def columns_of(header: Header) -> Columns:
-    """Find the candidates of every system among the types of the header."""
+def columns_of(header: Header) -> tuple[Ints, Floats]:
+    """Where the candidates of every system stand among the types of the header: ``place`` and ``factor`` of ``Codes``,
+    (6, MOST_CODES, 3) each."""
     index = np.full((len(SYSTEMS), MOST_CODES, 3), -1, np.int64)
     factor = np.ones(index.shape)
     for system, letter in enumerate(SYSTEMS):
@@ -97,7 +84,7 @@ def columns_of(header: Header) -> Columns:
                 if name in types:
                     index[system, place, quantity] = types.index(name)
                     factor[system, place, quantity] = header.scale_factor.get((letter, name), 1.0)
-    return Columns(index, factor)
+    return index, factor
 
 
 def _candidates(version: float) -> dict[str, tuple[str, ...]]:
@@ -117,12 +104,12 @@ def frequencies_hz(
     slots = np.full(MOST_SLOTS, np.nan)
     for slot, k in channel.items():
         if slot < MOST_SLOTS:
-            slots[slot] = G1_HZ + k * G1_STEP_HZ
-    out = np.full(len(system), L1_HZ)
+            slots[slot] = CARRIER_HZ[GLONASS] + k * GLONASS_STEP_HZ
+    out = np.full(len(system), CARRIER_HZ[GPS])
     out[system == GLONASS] = slots[number[system == GLONASS]]
     codes = _candidates(version)["C"]
     is_b1i = np.array([_is_b1i(version, code) for code in codes] + [False] * (MOST_CODES - len(codes)))
-    out[(system == BEIDOU) & is_b1i[place]] = B1I_HZ
+    out[(system == BEIDOU) & is_b1i[place]] = CARRIER_HZ[BEIDOU]
     return out
 
 
@@ -149,7 +136,7 @@ class _Rows:
     epoch: Ints
     name: Ints
     part: Ints
-    columns: list[Columns]
+    columns: list[tuple[Ints, Floats]]
     state: Ints = field(default_factory=lambda: np.zeros(5, np.int64))
 
 
@@ -165,16 +152,16 @@ def read_observations(
     gps_s, good = _epochs(lines, header, rows, notes)
     modern = header.version >= 3
     lead, per = (3, _ALL_IN_ONE_LINE) if modern else (0, PER_LINE_2)
-    index = np.array([c.index for c in rows.columns])
-    factor = np.array([c.factor for c in rows.columns])
+    place, factor = (np.array(column) for column in zip(*rows.columns, strict=True))
+    codes = Codes(place, factor, lead, per)
     counts = np.zeros((len(SYSTEMS) * MOST_NUMBERS, MOST_CODES), np.int64)
     satellite = np.empty(len(rows.line), np.int64)
     places = (lines.text, lines.start, lines.end, rows.line)
     otherwise = max(GPS, SYSTEMS.find(header.system))  # a name without a letter, in version 2
-    count_codes(*places, rows.name, rows.part, index, factor, lead, per, otherwise, counts, satellite)
+    count_codes(*places, rows.name, rows.part, codes, otherwise, counts, satellite)
     progress("read observations", 0.7)
     chosen = np.argmax(counts >= _USUAL_SHARE * counts.max(axis=1, keepdims=True), axis=1)
-    values = take_values(*places, rows.part, index, factor, lead, per, satellite, chosen)
+    values = take_values(*places, rows.part, codes, satellite, chosen)
     _count_rows(lines, rows, satellite, values, notes)
     keep = (satellite >= 0) & np.isfinite(values[:, 0]) & good[rows.epoch]
     satellite, values = satellite[keep], values[keep]
@@ -254,13 +241,12 @@ def _epochs(lines: Lines, header: Header, rows: _Rows, notes: Notes) -> tuple[Fl
         seconds = seconds + BEIDOU_LATE_S
     unix_s = unix_from_gps(seconds)
     good &= (unix_s > MIN_TIME_S) & (unix_s < MAX_TIME_S)
-    bad = np.flatnonzero(~good)
-    if len(bad):
-        line = int(rows.epoch_line[bad[0]])
-        notes.skip(
-            "epochs at no possible time", len(bad), f"line {line + 1}: {lines.line(line)[:30].strip()!r}",
-            position=True,
-        )  # fmt: skip
+
+    def say(epoch: int) -> str:
+        line = int(rows.epoch_line[epoch])
+        return f"line {line + 1}: {lines.line(line)[:30].strip()!r}"
+
+    good = notes.sift((("epochs at no possible time", ~good),), say, position=True)
     good_s = seconds[good]
     backwards = int(np.count_nonzero(np.diff(good_s) < 0))
     repeated = len(good_s) - len(np.unique(good_s)) if len(good_s) else 0
@@ -278,16 +264,13 @@ def _count_rows(lines: Lines, rows: _Rows, satellite: Ints, values: Floats, note
         name = lines.text[rows.name[r] : rows.name[r] + 3].tobytes().decode("ascii", "replace")
         return f"line {rows.line[r] + 1}: {name!r}"
 
-    for reason, mask in (
+    faults = (
         ("satellites of systems that are not read", satellite == -1),
         ("rows without the name of a satellite", satellite == -2),
-        ("rows without a pseudorange on the L1 band", (satellite >= 0) & np.isnan(values[:, 0])),
-    ):
-        hit = np.flatnonzero(mask)
-        if len(hit):
-            # satellites without L1 are usual; they are counted, and no warning
-            say = "" if reason.endswith("band") else example(int(hit[0]))
-            notes.skip(reason, len(hit), say)
+    )
+    named = notes.sift(faults, example)
+    # satellites without L1 are usual; they are counted, and no warning
+    notes.sift((("rows without a pseudorange on the L1 band", named & np.isnan(values[:, 0])),))
 
 
 def _say_of_channels(signals: Signals, notes: Notes) -> None:

@@ -1,24 +1,33 @@
-"""Reading RINEX files: what takes compiled loops, and is loaded with the first file."""
+"""Reading RINEX files: what takes compiled loops, and is loaded with the first file.
+
+Compact RINEX (Hatanaka), versions 1.0 and 3.0, is unpacked by the original program, which runs as its own process: no
+input, however made, can stop this one. The program has limited time, and what it writes is limited too.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+import subprocess
+import threading
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO
 
-from fusion.errors import EmptyLogError
-from fusion.formats.base import Data, Notes, build_log
-from fusion.formats.rinex.compact import is_compact, unpack
+import hatanaka.bin
+
+from fusion.errors import EmptyLogError, MalformedLogError
+from fusion.formats.base import Data, LogFormat, Notes, build_log
 from fusion.formats.rinex.header import Header, read_header
 from fusion.formats.rinex.lines import Lines, split_lines
+from fusion.formats.rinex.log import is_compact
 from fusion.formats.rinex.navigation import read_navigation
 from fusion.formats.rinex.observations import read_observations
 from fusion.signals import SYSTEMS, Navigation, RawGnss
-from fusion.types import DriveLog, Floats, Progress
+from fusion.types import DriveLog, Progress
 
-NAME, DESCRIPTION = "rinex", "RINEX file"
 ADVICE = "Check that the receiver writes pseudoranges on L1, E1 or B1 and upload the recording again."
 
 
-def read_file(data: Data, progress: Progress, navigation: Navigation) -> DriveLog:
+def read_file(data: Data, progress: Progress, navigation: Navigation, kind: LogFormat) -> DriveLog:
     """A file of observations or of navigation data; ``navigation`` is what other files of the drive say."""
     notes = Notes()
     text = bytes(data)
@@ -28,7 +37,7 @@ def read_file(data: Data, progress: Progress, navigation: Navigation) -> DriveLo
     header = read_header(lines)
     progress("read observations", 0.1)
     if header.is_observations:
-        return _observations(lines, header, notes, progress, navigation)
+        return _observations(lines, header, notes, progress, navigation, kind)
     kepler_and_glonass = read_navigation(lines, header, notes)
     progress("read navigation data", 1.0)
     if not len(kepler_and_glonass):
@@ -36,11 +45,11 @@ def read_file(data: Data, progress: Progress, navigation: Navigation) -> DriveLo
             "This RINEX navigation file holds no usable ephemeris of GPS, GLONASS, Galileo, BeiDou or QZSS. "
             "Upload another one of the same day."
         )
-    return build_log(NAME, DESCRIPTION, notes, {}, raw=RawGnss(navigation=kepler_and_glonass), part=True)
+    return build_log(kind, notes, {}, raw=RawGnss(navigation=kepler_and_glonass), part=True)
 
 
 def _observations(
-    lines: Lines, header: Header, notes: Notes, progress: Progress, navigation: Navigation
+    lines: Lines, header: Header, notes: Notes, progress: Progress, navigation: Navigation, kind: LogFormat
 ) -> DriveLog:
     channels = dict(zip(navigation.glonass.number.tolist(), navigation.glonass.channel.tolist(), strict=True))
     signals, outages_s = read_observations(lines, header, notes, progress, channels)
@@ -52,15 +61,59 @@ def _observations(
             f"{f' (its header names systems {letters})' if letters else ''}.{why} {ADVICE}"
         )
     progress("read observations", 1.0)
-    return build_log(
-        NAME,
-        DESCRIPTION,
-        notes,
-        {},
-        raw=RawGnss(signals),
-        outages_s=_within(outages_s, signals.time_s),
-    )
+    epochs_s = signals.time_s
+    outages_s = outages_s[(outages_s > epochs_s[0]) & (outages_s <= epochs_s[-1])]
+    return build_log(kind, notes, {}, raw=RawGnss(signals), outages_s=outages_s)
 
 
-def _within(times_s: Floats, epochs_s: Floats) -> Floats:
-    return times_s[(times_s > epochs_s[0]) & (times_s <= epochs_s[-1])] if len(epochs_s) else np.empty(0)
+LONGEST_S = 60.0
+"""A day at 1 Hz takes some seconds."""
+MOST_GROWTH = 100
+FREE_BYTES = 16 << 20
+"""Files unpack to 4 to 12 times their size; more than ``MOST_GROWTH`` beyond this many bytes is an attack."""
+_PROGRAM = Path(hatanaka.bin.__path__[0]) / "crx2rnx"
+_CHUNK_BYTES = 1 << 20
+_FINE = 0
+
+
+def unpack(data: bytes, notes: Notes) -> bytes:
+    """The RINEX file; raises ``MalformedLogError``. Of one that is damaged, what comes before is given."""
+    with TemporaryFile() as source:
+        source.write(data)
+        source.seek(0)
+        out, code = _run(source, max(FREE_BYTES, MOST_GROWTH * len(data)))
+    if not out:
+        raise MalformedLogError(
+            "This compact RINEX file cannot be unpacked: it is damaged from its start. Upload it as plain RINEX.",
+            where="line 1",
+        )
+    if code != _FINE:
+        notes.repaired["compact RINEX damaged"] += 1
+        notes.warn("The compact RINEX file is damaged or ends early: some of its epochs are missing.")
+    return out
+
+
+def _run(source: IO[bytes], most_bytes: int) -> tuple[bytes, int]:
+    """What the program writes, and the code that it ends with."""
+    with subprocess.Popen(  # noqa: S603 - a program of a library, and what it reads is no argument
+        [str(_PROGRAM), "-", "-s"], stdin=source, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as process:
+        late = threading.Timer(LONGEST_S, process.kill)
+        late.start()
+        try:
+            return _collect(process, most_bytes), process.wait()
+        finally:
+            late.cancel()
+            process.kill()
+
+
+def _collect(process: subprocess.Popen[bytes], most_bytes: int) -> bytes:
+    out = bytearray()
+    while process.stdout is not None and (piece := process.stdout.read(_CHUNK_BYTES)):
+        out += piece
+        if len(out) > most_bytes:
+            raise MalformedLogError(
+                f"This compact RINEX file unpacks to over {len(out) >> 20} MiB, which no recording does. "
+                "Upload it as plain RINEX."
+            )
+    return bytes(out)

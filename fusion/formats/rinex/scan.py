@@ -7,8 +7,9 @@ whose lines are a header's.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from numpy.typing import NDArray
 
 from fusion.compiled import compiled
 from fusion.formats.rinex.lines import Text, number
@@ -25,6 +26,19 @@ _FIELD = 16
 _VALUE = 14
 _LARGEST_M = 1e9
 _LETTERS = np.frombuffer(b"GRECJS", np.uint8)
+
+
+class Codes(NamedTuple):
+    """Where codes stand in the rows: ``place`` (parts, 6, codes, 3) counts observations from 0, -1 where there is none.
+
+    Parts of the file lie between events. The three are pseudorange, Doppler and C/N0; ``factor``, alike, is what values
+    are to be divided by. A row begins with ``lead`` columns and has ``per`` observations a line.
+    """
+
+    place: Ints
+    factor: Floats
+    lead: int
+    per: int
 
 
 @compiled
@@ -166,18 +180,19 @@ def _satellite(text: Text, at: int, otherwise: int) -> int:
 
 @compiled
 def _value(
-    text: Text, start: Ints, end: Ints, line: int, lead: int, per: int, index: int, factor: float
+    text: Text, start: Ints, end: Ints, line: int, codes: Codes, which: tuple[int, int, int, int]
 ) -> float:
     """An observation of a row; NaN where it is blank, cut off, 0 (which means missing), or no number."""
+    index = codes.place[which]
     if index < 0:
         return np.nan
-    line += index // per
+    line += index // codes.per
     if line >= len(start):
         return np.nan
-    at = start[line] + lead + _FIELD * (index % per)
+    at = start[line] + codes.lead + _FIELD * (index % codes.per)
     if at + _VALUE > end[line]:
         return np.nan
-    value = number(text, at, at + _VALUE) / factor
+    value = number(text, at, at + _VALUE) / codes.factor[which]
     return value if value != 0 and np.isfinite(value) else np.nan
 
 
@@ -189,34 +204,19 @@ def count_codes(
     row_line: Ints,
     row_name: Ints,
     row_part: Ints,
-    index: Ints,
-    factor: NDArray[np.float64],
-    lead: int,
-    per: int,
+    codes: Codes,
     otherwise: int,
     counts: Ints,
     satellite: Ints,
 ) -> None:
-    """Find the satellite of each row, and count in ``counts`` (6 x MOST_NUMBERS, codes) where each has a pseudorange.
-
-    ``index`` and ``factor`` (parts, 6, codes, 3) are those of each part of the file between events.
-    """
+    """Find the satellite of each row, and count in ``counts`` (6 x MOST_NUMBERS, codes) its pseudoranges by code."""
     for r in range(len(row_line)):
         satellite[r] = _satellite(text, row_name[r], otherwise)
         if satellite[r] < 0:
             continue
         part, system = row_part[r], satellite[r] // MOST_NUMBERS
-        for k in range(index.shape[2]):
-            value = _value(
-                text,
-                start,
-                end,
-                row_line[r],
-                lead,
-                per,
-                index[part, system, k, 0],
-                factor[part, system, k, 0],
-            )
+        for k in range(codes.place.shape[2]):
+            value = _value(text, start, end, row_line[r], codes, (part, system, k, 0))
             if 0 < value < _LARGEST_M:
                 counts[satellite[r], k] += 1
 
@@ -228,10 +228,7 @@ def take_values(
     end: Ints,
     row_line: Ints,
     row_part: Ints,
-    index: Ints,
-    factor: NDArray[np.float64],
-    lead: int,
-    per: int,
+    codes: Codes,
     satellite: Ints,
     chosen: Ints,
 ) -> Floats:
@@ -242,16 +239,7 @@ def take_values(
             continue
         part, system, k = row_part[r], satellite[r] // MOST_NUMBERS, chosen[satellite[r]]
         for q in range(3):
-            out[r, q] = _value(
-                text,
-                start,
-                end,
-                row_line[r],
-                lead,
-                per,
-                index[part, system, k, q],
-                factor[part, system, k, q],
-            )
+            out[r, q] = _value(text, start, end, row_line[r], codes, (part, system, k, q))
         if not 0 < out[r, 0] < _LARGEST_M:
             out[r, 0] = np.nan
     return out

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from scipy.special import erfcx, log_ndtr, logsumexp, ndtr
 
+from fusion.options import Described
 from fusion.registry import Registry
 from fusion.types import Floats, Ints
 
@@ -130,23 +131,8 @@ class Series:
         return np.searchsorted(self.time_s, self.time_s - window_s)
 
 
-class ErrorModel(Protocol):
-    """A named model of one satellite's errors."""
-
-    @property
-    def name(self) -> str:
-        """As in ``ERROR_MODELS``."""
-        ...
-
-    @property
-    def source(self) -> str:
-        """Where it comes from: author, year, equations."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """One sentence for a person who chooses."""
-        ...
+class ErrorModel(Described, Protocol):
+    """A named model of one satellite's errors, by its name in ``ERROR_MODELS``."""
 
     def law(self, series: Series, seed: int) -> ErrorLaw:
         """The law of all errors of a series together."""

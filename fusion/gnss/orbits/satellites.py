@@ -15,8 +15,10 @@ from fusion.gnss.orbits.glonass import glonass_clock_s, glonass_states
 from fusion.gnss.orbits.kepler import kepler_clock_s, kepler_states
 from fusion.signals import (
     BEIDOU,
+    CARRIER_HZ,
     GALILEO,
     GLONASS,
+    GLONASS_STEP_HZ,
     GPS,
     LIGHT_MPS,
     QZSS,
@@ -90,13 +92,6 @@ def _nearest(
         nearer = inside & (away <= least) & ((chosen < 0) | (away < least))
         chosen, least = np.where(nearer, record, chosen), np.where(nearer, away, least)
     return chosen
-
-
-L1_HZ = 1_575.42e6
-CARRIER_HZ = np.full(len(SYSTEMS), L1_HZ)
-"""Carrier of the L1 band by system, where a signal does not state its own: BeiDou's is B1I, GLONASS's its channel 0."""
-CARRIER_HZ[[BEIDOU, GLONASS]] = 1_561.098e6, 1_602.0e6
-GLONASS_CHANNEL_HZ = 562.5e3
 
 
 @dataclass(frozen=True)
@@ -173,7 +168,7 @@ def _states(navigation: Navigation, chosen: Records, system: Ints, gps_s: Floats
     if len(rows):
         moving, record = navigation.glonass, chosen.glonass[rows]
         position[rows], velocity[rows], clock[rows], rate[rows] = glonass_states(moving, record, gps_s[rows])
-        carrier[rows] += GLONASS_CHANNEL_HZ * moving.channel[record]
+        carrier[rows] += GLONASS_STEP_HZ * moving.channel[record]
         healthy[rows] = moving.healthy[record]
     has_orbit = np.isfinite(position).all(axis=1) & np.isfinite(clock)
     return SatelliteStates(position, velocity, clock, rate, carrier, has_orbit, healthy)

@@ -13,11 +13,17 @@ import numpy as np
 
 from fusion.frames import LocalProjection
 from fusion.roads.table import RoadTable
-from fusion.simulate.scene.grid import draw_grid
-from fusion.simulate.scene.heights import hermite, node_heights, regression_slope
-from fusion.simulate.scene.outskirts import draw_outskirts
 from fusion.simulate.scene.plan import Plan
-from fusion.simulate.scene.segments import Way, cut_into_ways, node_ids, tabulate
+from fusion.simulate.scene.segments import (
+    Way,
+    cut_into_ways,
+    hermite,
+    node_heights,
+    node_ids,
+    regression_slope,
+    tabulate,
+)
+from fusion.simulate.scene.streets import draw_grid, draw_outskirts
 from fusion.types import Floats, Ints
 
 HALF_SIZE_M = 1000.0

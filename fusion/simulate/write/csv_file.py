@@ -44,25 +44,13 @@ def csv_columns(drive: SimulatedDrive) -> dict[str, Floats]:
     """The columns of the Versant CSV, NaN where nothing was measured."""
     lon, lat = drive.lonlat()
     n, p, imu = len(lon), drive.profile, drive.inertial
-    ned = drive.gnss.velocity_ned_mps
-    gyro = np.degrees(imu.rate_radps)
-    table = {
-        "time_s": drive.time_s,
-        "lat_deg": lat,
-        "lon_deg": lon,
-        "alt_msl_m": drive.gnss.alt_msl_m,
-        "h_acc_m": np.full(n, p.h_acc_m),
-        "v_acc_m": np.full(n, p.v_acc_m),
-        "vel_n_mps": ned[:, 0],
-        "vel_e_mps": ned[:, 1],
-        "vel_d_mps": ned[:, 2],
-        "s_acc_mps": np.full(n, p.s_acc_mps),
-        "acc_x_mps2": imu.force_mps2[:, 0],
-        "acc_y_mps2": imu.force_mps2[:, 1],
-        "acc_z_mps2": imu.force_mps2[:, 2],
-        "gyr_x_dps": gyro[:, 0],
-        "gyr_y_dps": gyro[:, 1],
-        "gyr_z_dps": gyro[:, 2],
+    table = {"time_s": drive.time_s}
+    position = (lat, lon, drive.gnss.alt_msl_m, np.full(n, p.h_acc_m), np.full(n, p.v_acc_m))
+    velocity = (*drive.gnss.velocity_ned_mps.T, np.full(n, p.s_acc_mps))
+    table |= zip(_POSITION_COLUMNS + _VELOCITY_COLUMNS, position + velocity, strict=True)
+    table |= zip((f"acc_{axis}_mps2" for axis in "xyz"), imu.force_mps2.T, strict=True)
+    table |= zip((f"gyr_{axis}_dps" for axis in "xyz"), np.degrees(imu.rate_radps).T, strict=True)
+    table |= {
         "roll_deg": np.degrees(imu.roll_rad),
         "pitch_deg": np.degrees(imu.pitch_rad),
         "yaw_deg": np.degrees(imu.yaw_rad) % 360.0,

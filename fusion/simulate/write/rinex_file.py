@@ -15,8 +15,10 @@ from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,
     BEIDOU_WEEK_0,
+    CARRIER_HZ,
     GALILEO,
     GLONASS,
+    GLONASS_STEP_HZ,
     GPS_EPOCH_S,
     LIGHT_MPS,
     SYSTEMS,
@@ -29,7 +31,6 @@ from fusion.signals import (
 )
 
 _SIGNAL = {"C": "2I"}
-_G1_HZ, _G1_STEP_HZ = 1_602_000_000.0, 562_500.0
 _INAV_SOURCES = 517
 """I/NAV from E1-B and E5b, clock for the pair E1/E5b."""
 _UNHEALTHY = 63
@@ -97,7 +98,8 @@ def _channels(signals: Signals) -> list[str]:
     slots, at = np.unique(signals.number[is_glonass], return_index=True)
     hz = signals.frequency_hz[is_glonass][at]
     cells = [
-        f"R{slot:02d} {round((f - _G1_HZ) / _G1_STEP_HZ):2d} " for slot, f in zip(slots, hz, strict=True)
+        f"R{slot:02d} {round((f - CARRIER_HZ[GLONASS]) / GLONASS_STEP_HZ):2d} "
+        for slot, f in zip(slots, hz, strict=True)
     ]
     return [
         _header(f"{len(cells) if not i else '':>3} " + "".join(cells[i : i + 8]), "GLONASS SLOT / FRQ #")

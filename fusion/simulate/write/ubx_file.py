@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 
 from fusion.formats.receiver.ubx_messages import TYPES
 from fusion.formats.receiver.ubx_raw import (
-    GLONASS_STEP_HZ,
-    L1_HZ,
     LEAP_KNOWN,
     MEASUREMENT,
     PSEUDORANGE_VALID,
@@ -31,7 +29,9 @@ from fusion.formats.receiver.ubx_raw import (
 )
 from fusion.formats.receiver.ubx_subframes import SFRBX
 from fusion.signals import (
+    CARRIER_HZ,
     GLONASS,
+    GLONASS_STEP_HZ,
     GPS_EPOCH_S,
     LIGHT_MPS,
     WEEK_S,
@@ -112,7 +112,7 @@ def _measurements(signals: Signals) -> NDArray[np.void]:
     out["doMes"] = -signals.range_rate_mps / wavelength_m
     out["gnssId"] = [_GNSS_ID[s] for s in signals.system.tolist()]
     out["svId"] = signals.number
-    channel = np.round((signals.frequency_hz - L1_HZ[GLONASS]) / GLONASS_STEP_HZ)
+    channel = np.round((signals.frequency_hz - CARRIER_HZ[GLONASS]) / GLONASS_STEP_HZ)
     out["freqId"] = np.where(signals.system == GLONASS, channel + 7, 0)
     out["locktime"] = 64_500
     out["cno"] = np.round(np.nan_to_num(signals.cn0_dbhz))

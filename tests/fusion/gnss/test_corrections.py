@@ -19,8 +19,7 @@ from fusion.gnss.corrections import (
     turned_by_earth,
     zenith_delays_m,
 )
-from fusion.gnss.orbits.satellites import L1_HZ
-from fusion.signals import LIGHT_MPS
+from fusion.signals import CARRIER_HZ, GPS, LIGHT_MPS
 from satellites.library import library_time
 
 QUIET_2021 = (9.313e-9, 1.490e-8, -5.960e-8, -1.192e-7, 8.806e4, 4.915e4, -1.311e5, -3.277e5)
@@ -44,7 +43,9 @@ def test_klobuchar_agrees_with_the_library(
     place: Place, elevation: float, azimuth: float, gps_s: float, coefficients: tuple[float, ...]
 ) -> None:
     lat, lon, el, az = np.radians([place[0], place[1], elevation, azimuth])
-    ours = klobuchar_delay_m(coefficients, *(np.array([x]) for x in (gps_s, lat, lon, el, az, L1_HZ)))
+    ours = klobuchar_delay_m(
+        coefficients, *(np.array([x]) for x in (gps_s, lat, lon, el, az, CARRIER_HZ[GPS]))
+    )
     theirs = pyrtklib.ionmodel(
         library_time(gps_s), vector(*coefficients), vector(lat, lon, place[2]), vector(az, el)
     )
@@ -58,7 +59,9 @@ def test_klobuchar_of_a_worked_example() -> None:
     """
     coefficients = (3.82e-8, 1.49e-8, -1.79e-7, 0.0, 1.43e5, 0.0, -3.28e5, 1.13e5)
     lat, lon, el, az = np.radians([40.0, -100.0, 20.0, 210.0])
-    delay = klobuchar_delay_m(coefficients, *(np.array([x]) for x in (593_100.0, lat, lon, el, az, L1_HZ)))
+    delay = klobuchar_delay_m(
+        coefficients, *(np.array([x]) for x in (593_100.0, lat, lon, el, az, CARRIER_HZ[GPS]))
+    )
     assert delay[0] == pytest.approx(23.784, abs=0.01)
 
 
@@ -66,7 +69,7 @@ def test_the_ionosphere_falls_with_the_square_of_the_carrier_and_rests_at_night(
     at = [np.full(2, x) for x in (14.0 * 3600.0, 0.8, 0.0, 0.7, 1.0)]
     low, high = klobuchar_delay_m(QUIET_2021, *at, np.array([1_561.098e6, 1_602e6]))  # type: ignore[call-arg]
     assert low / high == pytest.approx((1_602 / 1_561.098) ** 2, rel=1e-12)
-    night = [np.array([x]) for x in (2.0 * 3600.0, 0.8, 0.0, np.pi / 2, 1.0, L1_HZ)]
+    night = [np.array([x]) for x in (2.0 * 3600.0, 0.8, 0.0, np.pi / 2, 1.0, CARRIER_HZ[GPS])]
     assert klobuchar_delay_m(QUIET_2021, *night)[0] == pytest.approx(5e-9 * LIGHT_MPS, rel=0.01)
 
 

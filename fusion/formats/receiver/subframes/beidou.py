@@ -20,6 +20,7 @@ from fusion.formats.receiver.subframes.bits import (
     ephemerides,
     numbers,
     read,
+    read_sets,
     signed,
     user_range_accuracy_m,
 )
@@ -121,7 +122,7 @@ def _read_d1(pages: Pages, notes: Notes) -> KeplerEphemerides:
     pages, sent_s, subframe = pages.take(orbit), sent_s[orbit], subframe[orbit]
     frame = (sent_s - SUBFRAME_S * (subframe - 1)).astype(np.int64)
     rows = complete_sets(pages.number, subframe, frame, sent_s, (1, 2, 3), 5 * SUBFRAME_S, notes)
-    values = {name: c for p in D1 for name, c in read(pages.bits[rows[:, p - 1]], D1[p]).items()}
+    values = read_sets(pages.bits, rows, D1.values())
     values["toe"] = values["toe_high"] + values["toe_low"]
     return _ephemerides(values, pages.number[rows[:, 0]], sent_s[rows[:, 0]], notes)
 

@@ -94,6 +94,15 @@ def read(bits: Bits, layout: Layout) -> dict[str, Floats]:
     return {name: numbers(bits, field).astype(float) * field.scale for name, field in layout.items()}
 
 
+def read_sets(bits: Bits, rows: Ints, parts: Iterable[Layout]) -> dict[str, Floats]:
+    """All fields (k,) of messages that make a whole, ``rows`` (k, parts) as ``complete_sets`` has them."""
+    return {
+        name: c
+        for layout, row in zip(parts, rows.T, strict=True)
+        for name, c in read(bits[row], layout).items()
+    }
+
+
 def write(bits: Bits, layout: Layout, values: Mapping[str, Floats]) -> None:
     """Put values into the bits, rounded to their scales. Raises ``ValueError`` for one that its field cannot hold."""
     for name, field in layout.items():
@@ -131,9 +140,7 @@ def nearest(near_s: Floats, part_s: Floats, period_s: float) -> Floats:
 
 def in_time(own_s: Floats, near_s: Floats, notes: Notes) -> Bools:
     """Which messages are of the time around them; the others are counted."""
-    fits = np.abs(own_s - near_s) <= _TOLERANCE_S
-    notes.skip(NOT_THEN, int(np.count_nonzero(~fits)))
-    return np.asarray(fits)
+    return notes.sift(((NOT_THEN, ~(np.abs(own_s - near_s) <= _TOLERANCE_S)),))
 
 
 def dated(

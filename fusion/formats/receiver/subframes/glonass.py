@@ -72,9 +72,8 @@ PARTS: dict[int, Layout] = {
 
 def read_strings(pages: Pages, notes: Notes) -> GlonassEphemerides:
     """States of strings (n, 128 bits): 85, padding to 96, and the frame's number."""
-    right = _right(pages.bits)
-    notes.skip(WRONG_CODE, int(np.count_nonzero(~right)))
-    pages = pages.take(right)
+    wrong = (check_bits(pages.bits) != pages.bits[:, 77:85]).any(axis=1)
+    pages = pages.take(notes.sift(((WRONG_CODE, wrong),)))
     string = numbers(pages.bits, STRING)
     orbit = (string > 0) & (string < 5)
     pages, string = pages.take(orbit), string[orbit]
@@ -137,7 +136,3 @@ def check_bits(bits: Bits) -> Bits:
     seven = (data @ _checks() & 1)[:, ::-1]
     parity = (data.sum(axis=1) + seven.sum(axis=1)) & 1
     return np.column_stack([parity, seven]).astype(np.uint8)
-
-
-def _right(bits: Bits) -> Bools:
-    return np.asarray((check_bits(bits) == bits[:, 77:85]).all(axis=1))

@@ -23,7 +23,7 @@ from fusion.formats.receiver.subframes.bits import (
     in_time,
     nearest,
     numbers,
-    read,
+    read_sets,
     signed,
     write,
 )
@@ -122,10 +122,7 @@ def _sound(bits: Bits, notes: Notes) -> Bools:
     half = {name: numbers(bits, field) for name, field in _HALVES.items()}
     alert = (half["even_alert"] == 1) | (half["odd_alert"] == 1)
     pair = (half["even"] == 0) & (half["odd"] == 1) & ~alert
-    notes.skip(NO_PAGE, int(np.count_nonzero(~pair)))
-    right = crc_24q(bits) == numbers(bits, _CRC)
-    notes.skip(WRONG_CRC, int(np.count_nonzero(pair & ~right)))
-    return np.asarray(pair & right)
+    return notes.sift(((NO_PAGE, ~pair), (WRONG_CRC, crc_24q(bits) != numbers(bits, _CRC))))
 
 
 def crc_24q(bits: Bits) -> Ints:
@@ -156,11 +153,7 @@ def _crc_of_each_bit() -> NDArray[np.float32]:
 
 
 def _ephemerides(pages: Pages, rows: Ints, sent_s: Floats, notes: Notes) -> KeplerEphemerides:
-    values = {
-        name: c
-        for k, part in enumerate(PARTS)
-        for name, c in read(pages.bits[rows[:, k]], PARTS[part]).items()
-    }
+    values = read_sets(pages.bits, rows, PARTS.values())
     of_week = (np.floor(sent_s / WEEK_S) - WEEK_0) % 4096 == values["week"]
     values["healthy"] = (values["health"] == 0) & (values["invalid"] == 0)
     values["accuracy_m"] = signal_accuracy_m(values["accuracy_index"])

@@ -19,6 +19,7 @@ from fusion.formats.receiver.subframes.bits import (
     ephemerides,
     numbers,
     read,
+    read_sets,
     signed,
     user_range_accuracy_m,
 )
@@ -95,7 +96,7 @@ def read_lnav(pages: Pages, system: int, notes: Notes) -> tuple[KeplerEphemeride
     issue, health = _issue(pages, subframe), numbers(pages.bits, PARTS[1]["health"]) + 1
     status = np.where(subframe == 1, health, 0)
     rows = complete_sets(pages.number, subframe, issue, sent_s, (1, 2, 3), _SAME_ISSUE_S, notes, status)
-    values = {name: c for p in (1, 2, 3) for name, c in read(pages.bits[rows[:, p - 1]], PARTS[p]).items()}
+    values = read_sets(pages.bits, rows, PARTS.values())
     sent_s = sent_s[rows[:, 0]]
     of_week = np.floor(sent_s / WEEK_S) % 1024 == values["week"]
     values["healthy"] = values["health"] == 0

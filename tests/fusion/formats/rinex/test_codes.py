@@ -13,7 +13,7 @@ from fusion.signals import BEIDOU, GALILEO, GLONASS, GPS, SYSTEMS
 def columns(version: float, **types: str) -> list[list[int]]:
     """Where pseudorange, Doppler and C/N0 of the first candidate of a system stand, for each system named."""
     header = Header(version, "O", "M", types={k.replace("_", " "): v.split() for k, v in types.items()})
-    index = columns_of(header).index
+    index = columns_of(header)[0]
     out = []
     for letter in types:
         own = index[SYSTEMS.find(letter) if letter != "_" else GPS]
@@ -44,7 +44,7 @@ def test_no_system_has_more_candidates_than_there_is_room_for() -> None:
     everything = [f"C{band}{a}" for band in range(1, 10) for a in "ABCDEILMPQSWXYZ"]
     for version in (2.11, 3.02, 3.04, 4.0):
         header = Header(version, "O", "M", types=dict.fromkeys([*SYSTEMS, " "], everything))
-        assert columns_of(header).index.shape == (len(SYSTEMS), MOST_CODES, 3)
+        assert columns_of(header)[0].shape == (len(SYSTEMS), MOST_CODES, 3)
 
 
 def test_carriers() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from fusion.errors import LogError, MalformedLogError
 from fusion.formats import read_log
-from fusion.formats.rinex import compact
+from fusion.formats.rinex import reading as compact
 from fusion.simulate.write import rinex_file
 from gnss_tables import agree, some_signals
 

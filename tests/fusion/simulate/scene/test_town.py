@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, STRtree
 
-from fusion.simulate.scene.heights import hermite, regression_slope
+from fusion.simulate.scene.segments import hermite, regression_slope
 from fusion.simulate.scene.town import Town, make_town
 
 SEEDS = (1, 2, 3, 4)
