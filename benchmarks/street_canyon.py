@@ -44,13 +44,13 @@ from fusion.catalogue import ERROR_MODELS, SOLVERS
 from fusion.gnss.error_models.base import Series, share_within
 from fusion.gnss.measurements import Aids, Measurements
 from fusion.gnss.reception import THRESHOLDS_DBHZ
-from fusion.published.canyon.drive import CanyonDrive, rouen
-from fusion.published.canyon.radio import BLURRED
+from fusion.published.canyon.drive import CanyonDrive
 from fusion.published.positioning.dpm import LOS_SIMULATED
-from fusion.published.positioning.metrics import PositionMetrics, position_metrics
 from fusion.signals import GALILEO, GPS
 from fusion.types import Floats, no_progress
 from published.positioning import canyon_slopes
+from published.positioning.metrics import PositionMetrics, position_metrics
+from published.positioning.rouen import BLURRED, rouen
 
 SCENES: dict[str, Callable[[int], CanyonDrive]] = {
     "study": rouen,

@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fusion.matching.candidates import find_candidates
-from fusion.matching.chains import build_chains
+from fusion.matching.chains import Reach, build_chains
 from fusion.matching.lattice import LONG_STEP_S, Candidates, Costs, Intervals
 from fusion.matching.path import NO_ROAD, Break, PathMatch, empty_match
-from fusion.matching.places import place_samples, stay_times
 from fusion.matching.posterior import doubt_unseen_ways, posterior
 from fusion.matching.routes import breaks_of, bridge, routes, trace
 from fusion.matching.samples import DriveSamples, driven_m, thin
-from fusion.matching.shortest_paths import Reach
-from fusion.matching.stays import Stays, lay_chain_stays, lay_stays
+from fusion.matching.stays import Stays, lay_chain_stays, lay_stays, place_samples, stay_times
 from fusion.matching.viterbi import Model, viterbi
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
@@ -75,17 +73,7 @@ class MatchOptions:
 
     def costs(self) -> Costs:
         """The part that the compiled loops take."""
-        return Costs(
-            beta_m=self.beta_m,
-            beta_share=self.beta_share,
-            slack_m=self.slack_m,
-            back_m=self.back_m,
-            u_turn=self.u_turn,
-            bridge_m=self.bridge_m,
-            beam=self.beam,
-            fastest_mps=self.fastest_mps,
-            temperature=self.temperature,
-        )
+        return Costs(*(getattr(self, name) for name in Costs._fields))
 
 
 class DriveMatcher:

@@ -32,6 +32,15 @@ class Posterior(NamedTuple):
     between: Floats
 
 
+class _Chances(NamedTuple):
+    """Likelihoods of steps (``weight``), of candidates, and by sample of being ``off`` the road and its ``switch``."""
+
+    weight: Floats
+    likelihood: Floats
+    off: Floats
+    switch: Floats
+
+
 @compiled
 def posterior(
     cand: Candidates, intervals: Intervals, transitions: Transitions, state: Ints, costs: Costs
@@ -41,13 +50,15 @@ def posterior(
     Rabiner 1989, III A and B, with each column of alpha and beta scaled to sum 1.
     """
     cool = 1.0 / costs.temperature
-    weight = np.exp(-cool * transitions.cost[: transitions.start[-1]])
-    likelihood = np.exp(-cool * cand.cost)
-    off = np.exp(-cool * cand.off)
-    switch = np.exp(-cool * intervals.switch)
-    alpha, alpha_off = _forward(cand, intervals, transitions, weight, likelihood, off, switch)
-    beta, beta_off = _backward(cand, intervals, transitions, weight, likelihood, off, switch)
-    return _of_path(cand, intervals, transitions, state, weight, likelihood, alpha, alpha_off, beta, beta_off)
+    chances = _Chances(
+        np.exp(-cool * transitions.cost[: transitions.start[-1]]),
+        np.exp(-cool * cand.cost),
+        np.exp(-cool * cand.off),
+        np.exp(-cool * intervals.switch),
+    )
+    alpha = _forward(cand, intervals, transitions, chances)
+    beta = _backward(cand, intervals, transitions, chances)
+    return _of_path(cand, intervals, transitions, state, chances, alpha, beta)
 
 
 def doubt_unseen_ways(
@@ -70,15 +81,10 @@ def doubt_unseen_ways(
 
 @compiled
 def _forward(
-    cand: Candidates,
-    intervals: Intervals,
-    transitions: Transitions,
-    weight: Floats,
-    likelihood: Floats,
-    off: Floats,
-    switch: Floats,
+    cand: Candidates, intervals: Intervals, transitions: Transitions, chances: _Chances
 ) -> tuple[Floats, Floats]:
     """Alpha of every candidate and of being off the road."""
+    weight, likelihood, off, switch = chances
     m = len(off)
     alpha, alpha_off = np.zeros(len(cand.edge)), np.zeros(m)
     for k in range(m):
@@ -101,15 +107,10 @@ def _forward(
 
 @compiled
 def _backward(
-    cand: Candidates,
-    intervals: Intervals,
-    transitions: Transitions,
-    weight: Floats,
-    likelihood: Floats,
-    off: Floats,
-    switch: Floats,
+    cand: Candidates, intervals: Intervals, transitions: Transitions, chances: _Chances
 ) -> tuple[Floats, Floats]:
     """Beta of every candidate and of being off the road."""
+    weight, likelihood, off, switch = chances
     m = len(off)
     beta, beta_off = np.zeros(len(cand.edge)), np.ones(m)
     for k in range(m - 1, -1, -1):
@@ -157,14 +158,13 @@ def _of_path(
     intervals: Intervals,
     transitions: Transitions,
     state: Ints,
-    weight: Floats,
-    likelihood: Floats,
-    alpha: Floats,
-    alpha_off: Floats,
-    beta: Floats,
-    beta_off: Floats,
+    chances: _Chances,
+    forward: tuple[Floats, Floats],
+    backward: tuple[Floats, Floats],
 ) -> Posterior:
     """Sum the probabilities of all states and steps that agree with the path."""
+    weight, likelihood = chances.weight, chances.likelihood
+    (alpha, alpha_off), (beta, beta_off) = forward, backward
     m = len(state)
     at, out, into, between = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
     gamma = alpha * beta

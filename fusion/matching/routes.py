@@ -10,9 +10,9 @@ import math
 import numpy as np
 
 from fusion.compiled import compiled
+from fusion.matching.chains import search_from
 from fusion.matching.lattice import OFF, ROUTE, SAME, START, TURN, Candidates, Intervals, Lattice
 from fusion.matching.path import NO_CONNECTION, NO_ROAD, OUTAGE, Break
-from fusion.matching.shortest_paths import search_from
 from fusion.matching.viterbi import Model, over_nodes, within_chain
 from fusion.types import Floats, Ints
 

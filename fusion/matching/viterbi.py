@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fusion.compiled import compiled, inlined
-from fusion.matching.chains import ChainGraph
+from fusion.matching.chains import ChainGraph, Reach, search_from
 from fusion.matching.lattice import (
     LONG_STEP_S,
     OFF,
@@ -26,7 +26,6 @@ from fusion.matching.lattice import (
     Lattice,
     Transitions,
 )
-from fusion.matching.shortest_paths import Reach, search_from
 
 _DRIVEN_FACTOR = 1.15  # how much longer than the distance driven by the speeds a step may be
 
@@ -94,18 +93,10 @@ def _relax(
 
 @inlined
 def _link_within(
-    graph: ChainGraph,
-    cand: Candidates,
-    intervals: Intervals,
-    costs: Costs,
-    lattice: Lattice,
-    transitions: Transitions,
-    k: int,
-    a: int,
-    bound: float,
-    count: int,
+    model: Model, lattice: Lattice, transitions: Transitions, k: int, a: int, bound: float, count: int
 ) -> int:
     """The steps from candidate a along its chain; the new count."""
+    graph, cand, intervals, _, costs = model
     chord, driven, edge, at = intervals.chord_m[k], intervals.driven_m[k], cand.edge, cand.at_m
     ea, pa, length_m = edge[a], at[a], graph.length_m[edge[a] >> 1]
     for b in range(cand.start[k], cand.start[k + 1]):
@@ -118,11 +109,7 @@ def _link_within(
 
 @inlined
 def _link_over(
-    graph: ChainGraph,
-    cand: Candidates,
-    intervals: Intervals,
-    reach: Reach,
-    costs: Costs,
+    model: Model,
     lattice: Lattice,
     transitions: Transitions,
     k: int,
@@ -132,6 +119,7 @@ def _link_over(
     stamp: int,
 ) -> int:
     """The steps from candidate a over the node at the end of its chain, searched from; the new count."""
+    graph, cand, intervals, reach, costs = model
     chord, driven, edge, at = intervals.chord_m[k], intervals.driven_m[k], cand.edge, cand.at_m
     tail, reached, dist, via = graph.tail, reach.stamp, reach.dist, reach.via
     ea, pa, length_m = edge[a], at[a], graph.length_m[edge[a] >> 1]
@@ -165,36 +153,25 @@ def _nearest_to(graph: ChainGraph, cand: Candidates, lattice: Lattice, k: int, a
 
 @inlined
 def _link(
-    graph: ChainGraph,
-    cand: Candidates,
-    intervals: Intervals,
-    reach: Reach,
-    costs: Costs,
-    lattice: Lattice,
-    transitions: Transitions,
-    k: int,
-    bound: float,
-    count: int,
-    stamp: int,
+    model: Model, lattice: Lattice, transitions: Transitions, k: int, bound: float, count: int, stamp: int
 ) -> tuple[int, int]:
     """All steps from sample k - 1 to k no longer than the bound; the new counts of steps and searches."""
+    graph, cand = model.graph, model.cand
     edge, head = cand.edge, graph.head
     for a in range(cand.start[k - 1], cand.start[k]):
         if lattice.cost[a] == np.inf:
             continue
-        count = _link_within(graph, cand, intervals, costs, lattice, transitions, k, a, bound, count)
+        count = _link_within(model, lattice, transitions, k, a, bound, count)
         if graph.length_m[edge[a] >> 1] - cand.at_m[a] > bound:
             continue
         shortest = _nearest_to(graph, cand, lattice, k - 1, a, bound)
         if shortest > bound:
             continue
         stamp += 1
-        search_from(graph, reach, head[edge[a]], bound - shortest, stamp)
+        search_from(graph, model.reach, head[edge[a]], bound - shortest, stamp)
         for other in range(a, cand.start[k]):
             if head[edge[other]] == head[edge[a]] and lattice.cost[other] < np.inf:
-                count = _link_over(
-                    graph, cand, intervals, reach, costs, lattice, transitions, k, other, bound, count, stamp
-                )
+                count = _link_over(model, lattice, transitions, k, other, bound, count, stamp)
     return count, stamp
 
 
@@ -250,7 +227,7 @@ def viterbi(model: Model) -> tuple[Lattice, Transitions, int]:
     The states are candidates or OFF. A step is no longer than the straight distance (or the distance driven)
     and a slack; where nothing is reached so, and where seconds pass, twice that distance and the slack.
     """
-    graph, cand, intervals, reach, costs = model
+    cand, intervals, costs = model.cand, model.intervals, model.costs
     m, total = len(intervals.outage), len(cand.edge)
     lattice = Lattice(
         np.full(total, np.inf),
@@ -276,9 +253,7 @@ def viterbi(model: Model) -> tuple[Lattice, Transitions, int]:
         expected = chord if math.isnan(driven) else max(chord, _DRIVEN_FACTOR * driven)
         for factor in (1.0 if lapse <= LONG_STEP_S else 2.0, 2.0):
             bound = min(factor * expected, costs.fastest_mps * lapse) + costs.slack_m
-            now, stamp = _link(
-                graph, cand, intervals, reach, costs, lattice, transitions, k, bound, count, stamp
-            )
+            now, stamp = _link(model, lattice, transitions, k, bound, count, stamp)
             if now > count:
                 break
         count = now

@@ -25,24 +25,12 @@ from fusion.options import Registered
 from fusion.published.epochs.line import ErrorShares, line_slopes
 from fusion.published.epochs.table import MAD_TO_SIGMA, Epochs, build_epochs
 from fusion.published.epochs.terrain import TerrainOptions
+from fusion.published.nine_state import motion
 from fusion.published.nine_state.measurements import SLOWEST_MPS, gaussian_estimate, predicted_map
-from fusion.published.nine_state.motion import (
-    STEEPEST_RAD,
-    VX,
-    VY,
-    VZ,
-    X,
-    Y,
-    Z,
-    process_noise_rates,
-    transition,
-    whitened,
-)
 from fusion.published.nine_state.options import NineStateOptions
 from fusion.published.nine_state.protocol import Estimate, Measurement, PredictedMap, Road
-from fusion.published.nine_state.run import DriveRun
+from fusion.published.nine_state.run import DriveRun, Terrain
 from fusion.published.nine_state.sensors import Sensors
-from fusion.published.nine_state.surroundings import Terrain
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import WINDOWS
@@ -112,12 +100,7 @@ class UkfDemMethod:
     options_model = UkfDemOptions
 
     def estimate(
-        self,
-        log: DriveLog,
-        network: RoadNetwork,
-        dem: Dem | None,
-        options: UkfDemOptions,
-        progress: Progress,
+        self, log: DriveLog, network: RoadNetwork, dem: Dem | None, options: UkfDemOptions, progress: Progress
     ) -> DriveResult:
         """See ``Method.estimate``."""
         if dem is None:
@@ -168,7 +151,7 @@ def _terrain_grade(run: DriveRun, track: Track, dem: Dem, options: UkfDemOptions
         return 0.0
     scatter_m = MAD_TO_SIGMA * float(np.median(np.abs(known - np.median(known))))
     step_s = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 1.0
-    receiver = whitened(
+    receiver = motion.whitened(
         float(np.median(run.sensors.columns.fix_sigma[:, 1])) ** 2, step_s, options.gnss_correlation_s
     )
     weight = 1.0
@@ -194,7 +177,10 @@ class UnscentedFilter:
     def sense(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
         """See ``EpochFilter``."""
         if dt_s is not None:
-            F, Q = transition(self.options, dt_s), np.diag(process_noise_rates(self.options) * dt_s)
+            F, Q = (
+                motion.transition(self.options, dt_s),
+                np.diag(motion.process_noise_rates(self.options) * dt_s),
+            )
             self._mean, self._covariance = self.unscented.predict(
                 self._mean, self._covariance, lambda points: points @ F.T, Q
             )
@@ -244,17 +230,19 @@ class UnscentedFilter:
 
     def _ground_under(self, points: Floats) -> Floats:
         """(2.17): z - H / cos(pitch), shape (k, 1)."""
-        steep = np.clip(_pitch(points), -STEEPEST_RAD, STEEPEST_RAD)
-        return (points[:, Z] - self.options.antenna_height_m / np.cos(steep))[:, None]
+        steep = np.clip(_pitch(points), -motion.STEEPEST_RAD, motion.STEEPEST_RAD)
+        return (points[:, motion.Z] - self.options.antenna_height_m / np.cos(steep))[:, None]
 
 
 def _on_map(points: Floats) -> Floats:
     """(2.14): x, y and the direction of travel, shape (k, 3)."""
-    return np.column_stack([points[:, X], points[:, Y], np.arctan2(points[:, VY], points[:, VX])])
+    return np.column_stack(
+        [points[:, motion.X], points[:, motion.Y], np.arctan2(points[:, motion.VY], points[:, motion.VX])]
+    )
 
 
 def _pitch(points: Floats) -> Floats:
     """(3.14), shape (k,)."""
-    along = np.maximum(np.hypot(points[:, VX], points[:, VY]), SLOWEST_MPS)
-    pitch: Floats = np.arctan(points[:, VZ] / along)
+    along = np.maximum(np.hypot(points[:, motion.VX], points[:, motion.VY]), SLOWEST_MPS)
+    pitch: Floats = np.arctan(points[:, motion.VZ] / along)
     return pitch

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fusion.published.canyon.drive import CanyonDrive, rouen
+from fusion.published.canyon.drive import CanyonDrive
+from published.positioning.rouen import rouen
 from street_canyon import (
     ORDER,
     PUBLISHED,

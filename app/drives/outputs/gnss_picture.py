@@ -17,8 +17,7 @@ from matplotlib.projections.polar import PolarAxes
 
 from app.drives.outputs.profile_picture import MUTED, SEGMENT, printable
 from fusion.gnss.measurements import Measurements, Solution
-from fusion.published.positioning.law_tests import LawTest, quantile_pairs
-from fusion.published.positioning.laws import fit_law
+from fusion.published.positioning.laws import LawTest, fit_law, quantile_pairs
 from fusion.types import Floats
 
 SIZE_IN, DPI = (15.0, 9.0), 100

@@ -11,19 +11,12 @@ from fusion.gnss.corrections import klobuchar_delay_m, troposphere_delay_m
 from fusion.gnss.measurements import Measurements
 from fusion.gnss.missing_navigation import NAMES
 from fusion.gnss.reception import NLOS
-from fusion.published.canyon.fronts import Fronts, fronts_of_route, fronts_of_town
-from fusion.published.canyon.radio import STUDY, TOWN, Clock, Radio, receive, run_clock, system_biases
-from fusion.published.canyon.ride import (
-    ROUEN_EPOCHS,
-    ROUEN_LENGTH_M,
-    Ride,
-    ride_along,
-    ride_of,
-    winding_route,
-)
+from fusion.published.canyon.fronts import Fronts, fronts_of_town
+from fusion.published.canyon.radio import TOWN, Clock, Radio, receive, run_clock, system_biases
+from fusion.published.canyon.ride import Ride, ride_of
 from fusion.published.canyon.sight import trace
 from fusion.published.canyon.sky import Sky, look_up, names_of, synthetic_navigation
-from fusion.signals import GPS, LIGHT_MPS, Navigation, RawGnss, Signals
+from fusion.signals import LIGHT_MPS, Navigation, RawGnss, Signals
 from fusion.simulate.drive import SimulatedDrive
 from fusion.types import Bools, Floats, Ints
 
@@ -172,24 +165,6 @@ def _taken(sky: Sky, tracked: Bools) -> Sky:
     counts = np.bincount(sky.epoch[tracked], minlength=len(sky.first) - 1)
     columns = {s.name: getattr(sky, s.name)[tracked] for s in fields(Sky) if s.name != "first"}
     return Sky(first=np.append(0, np.cumsum(counts)), **columns)
-
-
-def rouen(
-    seed: int,
-    radio: Radio = STUDY,
-    systems: tuple[int, ...] = (GPS,),
-    shares: dict[str, float] | None = None,
-) -> CanyonDrive:
-    """A run as the thesis's on Rouen's bus line: 594 epochs at 1 Hz, 8236 m at 50 km/h, mixed surroundings.
-
-    ``shares`` are those of the street classes along the way (``fronts.MIXED``). The thesis's scene is not public:
-    route, fronts and sky are drawn anew for each seed.
-    """
-    rng = np.random.default_rng([seed, 12])
-    route = winding_route(ROUEN_LENGTH_M, rng)
-    ride = ride_along(route, ROUEN_EPOCHS, ROUEN_LENGTH_M / (ROUEN_EPOCHS - 1))
-    navigation = synthetic_navigation(float(ride.gps_s[0]), float(ROUEN_EPOCHS), rng, systems)
-    return simulate_canyon(ride, fronts_of_route(route, rng, shares), radio, navigation, rng)
 
 
 def canyon_of(

@@ -50,9 +50,6 @@ STREETS = {
 """Heights and widths of Table 3.1 as printed. Its mask elevations do not follow from them (residential fronts would
 mask 52 degrees, not 10, and dense ones 50, not over 60), so that they are not used."""
 
-MIXED = {"open": 0.15, "residential": 0.3, "industrial": 0.2, "urban": 0.25, "dense": 0.1}
-"""Shares of the way of a mixed run, as a bus line from suburb through centre to suburb has them (chosen by us)."""
-
 
 @dataclass(frozen=True)
 class Fronts:
@@ -79,10 +76,6 @@ class Fronts:
             np.concatenate([p.top_m for p in every]),
             np.concatenate([p.loss_db for p in every]),
         )
-
-    def raised(self, by_m: float) -> Fronts:
-        """The same fronts, all higher."""
-        return Fronts(self.ends_m, self.top_m + by_m, self.loss_db)
 
     def clear_of(self, roads_m: Floats) -> Fronts:
         """Those that do not stand in a road; ``roads_m`` (k, 2) are points of all roads, about every metre."""
@@ -129,20 +122,6 @@ def _blocks(length_m: float, kind: StreetClass, rng: np.random.Generator) -> tup
     begin = np.concatenate([[0.0], np.cumsum(block + gap)[:-1]]) + rng.uniform(0, kind.gap_m + 1e-9)
     inside = begin < length_m - 1.0
     return begin[inside], np.minimum(begin + block, length_m)[inside]
-
-
-def fronts_of_route(route: Route, rng: np.random.Generator, shares: dict[str, float] | None = None) -> Fronts:
-    """Fronts along a whole route, in stretches of 150 to 500 m whose classes are drawn by ``shares`` (``MIXED``)."""
-    shares = shares or MIXED
-    names, weights = list(shares), np.array(list(shares.values()))
-    length, at, parts = float(route.along_m[-1]), 0.0, []
-    while at < length:
-        to = min(at + rng.uniform(150.0, 500.0), length)
-        kind = STREETS[names[rng.choice(len(names), p=weights / weights.sum())]]
-        if to - at > 2.0:
-            parts.append(fronts_along(Route(route.stretch(at, to)), kind, rng))
-        at = to
-    return Fronts.joined(parts).clear_of(route.points_m[:, :2])
 
 
 def fronts_of_town(town: Town, rng: np.random.Generator, everywhere: str | None = None) -> Fronts:

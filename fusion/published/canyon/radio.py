@@ -51,11 +51,6 @@ class Radio(NamedTuple):
     jumps: int
 
 
-STUDY = Radio(1.0, False, 0.0, 4.0, 0.1, 0.0, 0.0, 3.0, 12.0, 0.0, 0.0, 0.0, 0.0, 0)
-"""The thesis's simulation (section 3.4 of the digest): range plus detour plus N(0, 1), clock 0, and the reception state
-known: the weakest direct ray has 41.6 dB-Hz and the strongest reflected one 37.7, so that 40 tells them apart."""
-BLURRED = STUDY._replace(cn0_sigma_db=1.0, fading_db=2.0, loss_db=np.nan)
-"""As ``STUDY``, but C/N0 is what a receiver sees: it fades, and fronts differ in what they swallow."""
 TOWN = Radio(0.6, True, 1.5, 4.0, 0.05, 1.0, 2.0, 3.0, np.nan, 24.0, 30.0, 0.05, 10.0, 0)
 """A low-cost receiver with its clock."""
 

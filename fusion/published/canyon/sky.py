@@ -173,43 +173,7 @@ def look_up(navigation: Navigation, gps_s: Floats, antenna_m: Floats, lowest_rad
     likely = _ever_up(navigation, system, number, gps_s[coarse], antenna_m[coarse], lowest_rad - _MARGIN_RAD)
     system, number = system[likely], number[likely]
     epoch = np.repeat(np.arange(len(gps_s)), len(system))
-    return _seen(
-        navigation,
-        np.tile(system, len(gps_s)),
-        np.tile(number, len(gps_s)),
-        epoch,
-        gps_s,
-        antenna_m,
-        lowest_rad,
-    )
-
-
-def _coarse_step(gps_s: Floats) -> int:
-    interval_s = float(np.median(np.diff(gps_s))) if len(gps_s) > 1 else _COARSE_S
-    return max(1, int(_COARSE_S / interval_s))
-
-
-def _ever_up(
-    navigation: Navigation, system: Ints, number: Ints, gps_s: Floats, antenna_m: Floats, lowest_rad: float
-) -> Ints:
-    """Which of the satellites (s,) stand above an elevation at any of the times."""
-    m, count = len(gps_s), len(system)
-    states = states_at(navigation, np.tile(system, m), np.tile(number, m), np.repeat(gps_s, count))
-    elevation, _ = elevation_azimuth(np.repeat(antenna_m, count, axis=0), states.position_m)
-    up = states.known & (np.nan_to_num(elevation, nan=-np.pi) >= lowest_rad)
-    return np.flatnonzero(up.reshape(m, count).any(axis=0))
-
-
-def _seen(
-    navigation: Navigation,
-    system: Ints,
-    number: Ints,
-    epoch: Ints,
-    gps_s: Floats,
-    antenna_m: Floats,
-    lowest_rad: float,
-) -> Sky:
-    """Rows of satellites (n,) at their epochs, of which those below ``lowest_rad`` are left out."""
+    system, number = np.tile(system, len(gps_s)), np.tile(number, len(gps_s))
     antenna, received_s = antenna_m[epoch], gps_s[epoch]
     flight_s = np.full(len(epoch), 0.075)
     for _ in range(3):  # each round makes the error 1e-5 of what it was, beginning with 0.02 s
@@ -232,6 +196,22 @@ def _seen(
         elevation_rad=elevation[up],
         azimuth_rad=azimuth[up],
     )
+
+
+def _coarse_step(gps_s: Floats) -> int:
+    interval_s = float(np.median(np.diff(gps_s))) if len(gps_s) > 1 else _COARSE_S
+    return max(1, int(_COARSE_S / interval_s))
+
+
+def _ever_up(
+    navigation: Navigation, system: Ints, number: Ints, gps_s: Floats, antenna_m: Floats, lowest_rad: float
+) -> Ints:
+    """Which of the satellites (s,) stand above an elevation at any of the times."""
+    m, count = len(gps_s), len(system)
+    states = states_at(navigation, np.tile(system, m), np.tile(number, m), np.repeat(gps_s, count))
+    elevation, _ = elevation_azimuth(np.repeat(antenna_m, count, axis=0), states.position_m)
+    up = states.known & (np.nan_to_num(elevation, nan=-np.pi) >= lowest_rad)
+    return np.flatnonzero(up.reshape(m, count).any(axis=0))
 
 
 def names_of(system: Ints, number: Ints) -> tuple[tuple[str, ...], Ints]:

@@ -131,12 +131,7 @@ def _stretch(epochs: Epochs, part: NDArray[np.intp]) -> MountPitch:
     if len(known) < 10 or distance[known[-1]] - distance[known[0]] < 100.0:
         return MountPitch(0.0, np.inf, "none")
     known = known[:: max(1, len(known) // _MAX_POINTS)]
-    return _gls_mount_pitch(epochs, part[known], time_s[known], distance[known], climb[known])
-
-
-def _gls_mount_pitch(
-    epochs: Epochs, index: NDArray[np.intp], time_s: Floats, distance: Floats, climb: Floats
-) -> MountPitch:
+    index, time_s, distance = part[known], time_s[known], distance[known]
     sigma = np.nan_to_num(epochs.v_acc_m[index], nan=UNKNOWN_ALTITUDE_SIGMA_M)
     # The sensor's integral wanders as well: white suspension noise adds up to a random walk along the road.
     walk = (
@@ -146,10 +141,9 @@ def _gls_mount_pitch(
         * np.mean(np.diff(distance) ** 2 / np.diff(time_s))
         / np.mean(np.diff(distance))
     )
-    grade, variance = _mount_pitch_of_misfit(
-        epochs.alt_m[index] - climb, time_s, distance, sigma, float(walk)
-    )
-    return MountPitch(grade, math.sqrt(variance), "altitude")
+    misfit = epochs.alt_m[index] - climb[known]
+    slope, variance = _mount_pitch_of_misfit(misfit, time_s, distance, sigma, float(walk))
+    return MountPitch(slope, math.sqrt(variance), "altitude")
 
 
 @compiled

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,25 +31,6 @@ class Step(NamedTuple):
     heading_rad: float
 
 
-class Model(Protocol):
-    """A filter over two or three states."""
-
-    @property
-    def late_noise(self) -> bool:
-        """Whether the process noise is to be added after the corrections, and not with the prediction."""
-        ...
-
-    def predict(self, mean: Floats, covariance: Floats, step: Step, noise: Floats) -> Moments:
-        """The moments one step later."""
-        ...
-
-    def correct(
-        self, mean: Floats, covariance: Floats, measured: Floats, jacobian: Floats, noise: Floats
-    ) -> Moments:
-        """The moments after a measurement of ``jacobian @ state``."""
-        ...
-
-
 def displacement(step: Step, heading_rad: float) -> Floats:
     """Way (2,) of a step in a direction: dt (v cos, v sin) (section 4.2)."""
     way = step.dt_s * step.speed_mps
@@ -64,7 +45,7 @@ class KalmanModel:
     late_noise: bool = False
 
     def predict(self, mean: Floats, covariance: Floats, step: Step, noise: Floats) -> Moments:
-        """See ``Model.predict``; two states only."""
+        """The moments one step later; two states only."""
         mean, covariance = kalman.predict(mean, covariance, np.eye(2), noise)
         if self.printed:
             return mean + step.dt_s * np.array([step.speed_mps, step.heading_rad]), covariance
@@ -73,7 +54,7 @@ class KalmanModel:
     def correct(
         self, mean: Floats, covariance: Floats, measured: Floats, jacobian: Floats, noise: Floats
     ) -> Moments:
-        """See ``Model.correct``."""
+        """The moments after a measurement of ``jacobian @ state``."""
         return kalman.correct(mean, covariance, measured - jacobian @ mean, jacobian, noise)
 
 
@@ -86,10 +67,7 @@ class ExtendedModel:
     late_noise: bool = False
 
     def predict(self, mean: Floats, covariance: Floats, step: Step, noise: Floats) -> Moments:
-        """See ``Model.predict``."""
-
-        def f(state: Floats) -> Floats:
-            return _moved(state, step)
+        """The moments one step later."""
 
         def jacobian(state: Floats) -> Floats:
             out = np.eye(len(state))
@@ -97,23 +75,19 @@ class ExtendedModel:
                 out[:HEADING, HEADING] = self._heading_column(step, float(state[HEADING]))
             return out
 
-        return kalman.predict_extended(mean, covariance, f, jacobian, noise)
+        return kalman.predict_extended(mean, covariance, lambda state: _moved(state, step), jacobian, noise)
 
     def correct(
         self, mean: Floats, covariance: Floats, measured: Floats, jacobian: Floats, noise: Floats
     ) -> Moments:
-        """See ``Model.correct``."""
-
-        def h(state: Floats) -> Floats:
-            return _floats(jacobian @ state)
-
-        def derivative(state: Floats) -> Floats:
-            return jacobian
+        """The moments after a measurement of ``jacobian @ state``."""
 
         def innovation(z: Floats, expected: Floats) -> Floats:
-            return _floats(expected if self.printed_innovation else z - expected)
+            return expected if self.printed_innovation else z - expected
 
-        return kalman.correct_extended(mean, covariance, measured, h, derivative, noise, subtract=innovation)
+        return kalman.correct_extended(
+            mean, covariance, measured, lambda x: jacobian @ x, lambda _: jacobian, noise, subtract=innovation
+        )
 
     def _heading_column(self, step: Step, heading_rad: float) -> Floats:
         if self.printed_jacobian:
@@ -135,22 +109,19 @@ class UnscentedModel:
     late_noise: bool = False
 
     def predict(self, mean: Floats, covariance: Floats, step: Step, noise: Floats) -> Moments:
-        """See ``Model.predict``."""
-
-        def f(points: Floats) -> Floats:
-            return _moved(points.T, step).T
-
-        return self.transform.predict(mean, covariance, f, noise)
+        """The moments one step later."""
+        return self.transform.predict(mean, covariance, lambda points: _moved(points.T, step).T, noise)
 
     def correct(
         self, mean: Floats, covariance: Floats, measured: Floats, jacobian: Floats, noise: Floats
     ) -> Moments:
-        """See ``Model.correct``."""
+        """The moments after a measurement of ``jacobian @ state``."""
+        return self.transform.correct(mean, covariance, measured, lambda points: points @ jacobian.T, noise)
 
-        def h(points: Floats) -> Floats:
-            return _floats(points @ jacobian.T)
 
-        return self.transform.correct(mean, covariance, measured, h, noise)
+Model = KalmanModel | ExtendedModel | UnscentedModel
+"""A filter over two or three states. ``late_noise``: the process noise is added after the corrections, and not with
+the prediction."""
 
 
 def _moved(state: Floats, step: Step) -> Floats:
@@ -160,7 +131,3 @@ def _moved(state: Floats, step: Step) -> Floats:
     moved[0] += step.dt_s * step.speed_mps * np.cos(heading)
     moved[1] += step.dt_s * step.speed_mps * np.sin(heading)
     return moved
-
-
-def _floats(values: Any) -> Floats:
-    return np.asarray(values, np.float64)

@@ -10,9 +10,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from fusion.compiled import compiled
-from fusion.matching.chains import ChainGraph
+from fusion.matching.chains import ChainGraph, Reach, search_from
 from fusion.matching.lattice import Candidates
-from fusion.matching.shortest_paths import Reach, search_from
 from fusion.published.matchers.base import PointMatcher, PointMatches, Samples
 from fusion.published.matchers.chain_network import ChainNetwork
 from fusion.roads.network import RoadNetwork

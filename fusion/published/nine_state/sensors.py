@@ -1,7 +1,7 @@
 """What the sensors say to a filter over the nine states at one epoch: values with their inverse variances.
 
 The epochs of a drive meet the options here: stated accuracies count before those of the options, errors that hang
-together are thinned out. Roads and terrain are no sensors; they stand in ``surroundings``.
+together are thinned out. Roads and terrain are no sensors; they stand in ``run``.
 """
 
 from __future__ import annotations

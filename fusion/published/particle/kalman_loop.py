@@ -1,4 +1,4 @@
-"""The Kalman filters of the particle method as one compiled loop over a drive, which ``kalman_run`` leads.
+"""The Kalman filters of the particle method as one compiled loop over a drive, which ``KalmanRun`` leads.
 
 Each epoch is taken as ``DriveRun`` takes it through an engine, in the order of the thesis, with the textbook's
 prediction and with corrections by one number after another (their errors are independent). What a filter of 9 states
@@ -36,8 +36,8 @@ from fusion.published.nine_state.motion import (
     transition_matrix,
     whitened,
 )
+from fusion.published.nine_state.protocol import EpochRows
 from fusion.published.nine_state.sensors import GNSS_STATES, SensorColumns
-from fusion.published.nine_state.track import EpochRows
 from fusion.roads.grid import SegmentGrid
 from fusion.types import Floats, Ints
 

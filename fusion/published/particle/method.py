@@ -2,33 +2,36 @@
 
 A sequential importance resampling filter of nine states corrects each epoch by GNSS, acceleration, in chapter 3 pitch,
 the matched road and the terrain around it, in this order; a line through the altitudes estimated on a segment gives
-its slope (3.4.3). The Kalman filters of the background chapter (1.4.2) take the same way.
+its slope (3.4.3). The Kalman filters of the background chapter (1.4.2) take the same way: ``KalmanRun`` hands the drive
+to ``kalman_loop`` in plain arrays, and answers what the loop stops for, the terrain under a segment.
 """
 
 from __future__ import annotations
 
+import math
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
 
-import numba
 import numpy as np
 
 from fusion.errors import MissingSensorError
 from fusion.methods.base import DriveResult
 from fusion.published.epochs.levelling import MountPitch, estimate_mount, mount_report
 from fusion.published.epochs.line import ErrorShares, line_slopes
-from fusion.published.epochs.table import build_epochs
-from fusion.published.nine_state.run import DriveRun
+from fusion.published.epochs.table import Epochs, build_epochs
+from fusion.published.nine_state.motion import half_rate, process_noise_rates
+from fusion.published.nine_state.protocol import EpochRows
+from fusion.published.nine_state.run import DriveRun, Terrain
 from fusion.published.nine_state.sensors import Sensors
-from fusion.published.nine_state.surroundings import Terrain
+from fusion.published.particle import kalman_loop as loop
 from fusion.published.particle.filter import ParticleCloud
-from fusion.published.particle.kalman_run import KalmanRun
 from fusion.published.particle.options import ParticleOptions
+from fusion.published.threads import at_most_threads
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DriveLog, Progress
+from fusion.terrain.plane import PlaneModel
+from fusion.types import DriveLog, Floats, Progress, Track
 
 # numba's portable threading layer aborts the process when two threads enter parallel loops at once.
 _PARALLEL = threading.Lock()
@@ -78,7 +81,7 @@ class ParticleMethod:
         if isinstance(run, DriveRun):
             with _PARALLEL, threads_for(options.particles):
                 run.run(progress)
-            cloud = {"particles": options.particles, **run.cloud_report()}
+            cloud = {"particles": options.particles, **run.rows.cloud_report()}
         else:
             run.run(progress)
         track = run.track()
@@ -87,6 +90,11 @@ class ParticleMethod:
         slopes = line_slopes(track, shares, sigma, options.min_epochs)
         report = {**cloud, **run.report(), **({} if mount is None else mount_report(mount))}
         return DriveResult(track, slopes, report)
+
+
+def threads_for(particles: int) -> AbstractContextManager[None]:
+    """As many threads as the cloud feeds."""
+    return at_most_threads(particles // _PARTICLES_PER_THREAD)
 
 
 def prepare(
@@ -117,12 +125,95 @@ def prepare(
     return KalmanRun(epochs, network, options, sensors, terrain, linear=options.filter == "kf"), mount
 
 
-@contextmanager
-def threads_for(particles: int) -> Iterator[None]:
-    """As many threads as the cloud feeds: a small one is filtered faster than threads meet at a barrier."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(max(1, min(before, particles // _PARTICLES_PER_THREAD)))
-    try:
-        yield
-    finally:
-        numba.set_num_threads(before)
+@dataclass
+class KalmanRun:
+    """What ``DriveRun`` is to engines, for filters small enough to be compiled whole: ``linear`` or extended.
+
+    ``run`` once, then ``track`` and ``report``.
+    """
+
+    epochs: Epochs
+    network: RoadNetwork
+    options: ParticleOptions
+    sensors: Sensors
+    terrain: Terrain | None
+    linear: bool
+    rows: EpochRows = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.rows = EpochRows.blank(len(self.epochs))
+
+    def run(self, progress: Progress) -> None:
+        """Process every epoch in order."""
+        drive, rules, planes, now = self._drive(), self._rules(), self._planes(), loop.Now.begin()
+        e = 0
+        while e < len(self.epochs):
+            progress("filter", e / len(self.epochs))
+            e = loop.advance(drive, self.sensors.columns, rules, self.network.grid, planes, self.rows, now, e)
+            if e < len(self.epochs) and self.terrain is not None:
+                _look(self.terrain, planes, now)
+
+    def track(self) -> Track:
+        """The filtered epochs; raises ``MissingSensorError`` where there is none."""
+        return self.rows.track(self.epochs, self.network, self.options.antenna_height_m)
+
+    def report(self) -> dict[str, object]:
+        """What the run says about itself, JSON-serialisable."""
+        terrain = {} if self.terrain is None else self.terrain.report()
+        return {**self.rows.report(self.epochs), **terrain}
+
+    def _drive(self) -> loop.EpochInputs:
+        ep = self.epochs
+        fix = np.column_stack([ep.x_m, ep.y_m, ep.alt_m])
+        return loop.EpochInputs(
+            ep.time_s, ep.after_outage, ep.has_gnss, fix, ep.speed_mps, self._start_altitude()
+        )
+
+    def _start_altitude(self) -> Floats:
+        """The fix's own, else that of the ground with the antenna above it."""
+        ep, altitude = self.epochs, self.epochs.alt_m.copy()
+        without = ep.has_gnss & ~np.isfinite(altitude)
+        if self.terrain is not None and without.any():
+            ground = self.terrain.below(ep.x_m[without], ep.y_m[without])
+            altitude[without] = ground + self.options.antenna_height_m
+        return altitude
+
+    def _rules(self) -> loop.Rules:
+        o = self.options
+        return loop.Rules(
+            linear=self.linear,
+            half_rate=half_rate(o),
+            process_noise=process_noise_rates(o),
+            min_speed_mps=o.min_speed_mps,
+            match_gate=o.match_gate,
+            antenna_m=o.antenna_height_m,
+            map_var_m2=o.map_sigma_m**2,
+            map_var_rad2=o.map_sigma_rad**2,
+            gnss_correlation_s=o.gnss_correlation_s,
+            pitch_var_rad2=o.pitch_sigma_rad**2,
+            pitch_correlation_s=o.pitch_correlation_s,
+            dem_var_m2=o.dem_sigma_m**2,
+            dem_correlation_m=o.dem_correlation_m,
+        )
+
+    def _planes(self) -> loop.Planes:
+        n = len(self.network)
+        kind = np.full(n, loop.NOTHING if self.terrain is None else loop.UNKNOWN, np.int8)
+        return loop.Planes(kind, np.zeros((n, 5)))
+
+
+def _look(terrain: Terrain, planes: loop.Planes, now: loop.Now) -> None:
+    """Answer what the loop stopped for."""
+    segment = int(now.flags[loop.SEGMENT])
+    if planes.kind[segment] == loop.UNKNOWN:
+        model = terrain.model(segment)
+        if isinstance(model, PlaneModel):
+            planes.kind[segment] = loop.PLANE
+            planes.plane[segment] = model.a, model.b, model.c + terrain.offset_m, model.x0, model.y0
+        else:
+            planes.kind[segment] = loop.NOTHING if model is None else loop.OTHER
+    if planes.kind[segment] == loop.OTHER:
+        height = terrain.height(
+            segment, float(now.place[loop.PREDICTED_X]), float(now.place[loop.PREDICTED_Y])
+        )
+        now.place[loop.GROUND] = math.nan if height is None else height

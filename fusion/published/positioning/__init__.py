@@ -2,6 +2,6 @@
 
 ``particles`` is the particle filter (Algorithms 6 to 8), ``jms_gmm`` its mixture of normals by state of reception
 (4.2, Algorithm 10) over ``gmm``, ``rbpf_dpm`` the filter with Dirichlet processes (Tables 3.9 and 3.11) over ``dpm``.
-``particles_bank`` and ``particles_each`` lead them. ``laws`` and ``law_tests`` are the laws of pseudorange errors and
-their tests, ``metrics`` and ``study`` compare positionings with a reference.
+``particles_bank`` and ``particles_each`` lead them. ``laws`` are the laws of pseudorange errors and their tests,
+``study`` says what the residuals of a drive look like.
 """

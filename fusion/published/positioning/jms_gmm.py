@@ -17,21 +17,13 @@ from pydantic import Field
 
 from fusion.compiled import compiled
 from fusion.gnss.measurements import Aids, Measurements, Solution
-from fusion.gnss.reception import (
-    LOS,
-    NLOS,
-    PSEUDO_COUNT,
-    WINDOW_S,
-    smoothed,
-    states_by_epoch,
-)
+from fusion.gnss.reception import LOS, NLOS, PSEUDO_COUNT, WINDOW_S, smoothed, states_by_epoch
 from fusion.published.positioning.gmm import FLOOR_M2, fit, moments
 from fusion.published.positioning.gmm import start as spread_out
-from fusion.published.positioning.particles_bank import Bank, StateOptions, Step, rows_of, run
+from fusion.published.positioning.particles_bank import Bank, Model, StateOptions, Step, run
 from fusion.published.positioning.particles_each import (
     correct_each,
     log_normal_each,
-    predict_each,
     residuals_each,
     weigh_each,
 )
@@ -66,8 +58,7 @@ class JmsGmm:
         self, measured: Measurements, aids: Aids, options: JmsGmmOptions, seed: int, progress: Progress
     ) -> Solution:
         """Positions of all epochs from the first that can be solved; aids are not needed."""
-        model = _Model.of(measured, options)
-        return run(measured, rows_of(measured), model, options, seed, progress)
+        return run(measured, _Model.of(measured, options), options, seed, progress)
 
 
 class Windows(NamedTuple):
@@ -82,7 +73,7 @@ class Windows(NamedTuple):
 
 
 @dataclass
-class _Model:
+class _Model(Model):
     """The chain's states (m, s) and probabilities of reflection (m, s), and the windows."""
 
     time_s: Floats
@@ -110,20 +101,14 @@ class _Model:
         reflected = np.column_stack([chain.probability[:, NLOS] for chain in chains])
         return cls(measured.time_s, state, reflected, windows, options)
 
-    def scattered(self) -> bool:
-        return False
-
-    def guarded(self) -> bool:
-        return not self.literal
-
-    @property
-    def literal(self) -> bool:
-        return self.options.reading == "literal"
+    def __post_init__(self) -> None:
+        self.literal = self.options.reading == "literal"
+        self.guarded = not self.literal
 
     def predict(self, bank: Bank, step: Step) -> None:
         if self.literal:
             self._former = bank.means.copy()
-        predict_each(bank.means, bank.covariances, step.moves, step.noise)
+        super().predict(bank, step)
 
     def correct(self, bank: Bank, step: Step, variance_m2: Floats) -> tuple[Floats, Floats]:
         satellites = step.rows.satellite[step.part]
@@ -155,9 +140,6 @@ class _Model:
         weigh_each(step.rows, step.epoch, bank.means, offset, variance, bank.log_weights)
         bank.log_weights += log_normal_each(bank.means, self._former @ step.moves.T, step.noise[None])
         bank.log_weights -= log_normal_each(bank.means, proposed, bank.covariances)
-
-    def resampled(self, bank: Bank, ancestors: Ints) -> None:
-        """Windows are common to all particles."""
 
 
 @compiled

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from fusion.gnss.measurements import Aids, Measurements, Solution
-from fusion.published.positioning.particles_bank import Bank, ParticleOptions, Step, rows_of, run
-from fusion.published.positioning.particles_each import correct_each, draw_each, predict_each, weigh_each
+from fusion.published.positioning.particles_bank import Bank, Model, ParticleOptions, Step, run
+from fusion.published.positioning.particles_each import correct_each, draw_each, weigh_each
 from fusion.types import Floats, Ints, Progress
 
 
@@ -45,34 +45,23 @@ class ParticleFilter:
     ) -> Solution:
         """Positions of all epochs from the first that can be solved; aids are not needed."""
         model = (_Fpll if options.proposal == "fpll" else _Bootstrap)(options.regularised)
-        return run(measured, rows_of(measured), model, options, seed, progress)
+        return run(measured, model, options, seed, progress)
 
 
 @dataclass(frozen=True)
-class _Bootstrap:
+class _Bootstrap(Model):
     """Proposes by the motion, weighs by the measurements."""
 
     smooth: bool
-
-    def scattered(self) -> bool:
-        return True
-
-    def guarded(self) -> bool:
-        return True
+    scattered = True
 
     def predict(self, bank: Bank, step: Step) -> None:
-        predict_each(bank.means, bank.covariances, step.moves, step.noise)
+        super().predict(bank, step)
         bank.scatter()
 
     def correct(self, bank: Bank, step: Step, variance_m2: Floats) -> tuple[Floats, Floats]:
-        weigh_each(
-            step.rows,
-            step.epoch,
-            bank.means,
-            np.zeros((1, len(variance_m2))),
-            variance_m2[None],
-            bank.log_weights,
-        )
+        unbiased = np.zeros((1, len(variance_m2)))
+        weigh_each(step.rows, step.epoch, bank.means, unbiased, variance_m2[None], bank.log_weights)
         return variance_m2, np.full(len(variance_m2), np.nan)
 
     def resampled(self, bank: Bank, ancestors: Ints) -> None:
@@ -84,13 +73,13 @@ class _Fpll(_Bootstrap):
     """Proposes by motion and measurements, from the particle's point."""
 
     def predict(self, bank: Bank, step: Step) -> None:
-        predict_each(bank.means, bank.covariances, step.moves, step.noise)
+        Model.predict(self, bank, step)
 
     def correct(self, bank: Bank, step: Step, variance_m2: Floats) -> tuple[Floats, Floats]:
+        unbiased, variance = np.zeros((1, len(variance_m2))), variance_m2[None]
         correct_each(
-            step.rows, step.epoch, bank.means, bank.covariances, np.zeros((1, len(variance_m2))), variance_m2[None],
-            bank.log_weights,
-        )  # fmt: skip
+            step.rows, step.epoch, bank.means, bank.covariances, unbiased, variance, bank.log_weights
+        )
         bank.scatter()
         return variance_m2, np.full(len(variance_m2), np.nan)
 

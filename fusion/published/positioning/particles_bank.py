@@ -7,12 +7,10 @@ the estimate and its covariance are here.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal
 
-import numba
 import numpy as np
 from pydantic import Field
 
@@ -32,7 +30,8 @@ from fusion.gnss.solvers.ekf import (
     surprises,
 )
 from fusion.gnss.solvers.state import CLOCK, Frame, Rows, cn0_variance, process_noise, start, states
-from fusion.published.positioning.particles_each import draw_each, follow
+from fusion.published.positioning.particles_each import draw_each, follow, predict_each
+from fusion.published.threads import at_most_threads
 from fusion.registry import RequestMost
 from fusion.types import LONGEST_BRIDGED_OUTAGE_S, Floats, Ints, Progress
 
@@ -117,31 +116,28 @@ class Step:
         return slice(int(self.rows.first[self.epoch]), int(self.rows.first[self.epoch + 1]))
 
 
-class Model(Protocol):
-    """What tells particle solvers apart."""
+class Model(ABC):
+    """What tells particle solvers apart. Particles that are ``scattered`` are points; else each keeps its covariance.
 
-    def scattered(self) -> bool:
-        """Whether particles are points; else each keeps its covariance."""
-        ...
+    ``guarded``: particles are spread anew where an epoch contradicts all of them; a literal reading is left alone.
+    """
 
-    def guarded(self) -> bool:
-        """Whether particles are spread anew where an epoch contradicts all of them; a literal reading is left alone."""
-        ...
+    scattered = False
+    guarded = True
 
     def predict(self, bank: Bank, step: Step) -> None:
         """Move the particles to the epoch; called for epochs without satellites too."""
-        ...
+        predict_each(bank.means, bank.covariances, step.moves, step.noise)
 
+    @abstractmethod
     def correct(self, bank: Bank, step: Step, variance_m2: Floats) -> tuple[Floats, Floats]:
         """Correct and weigh; returns the variances (r,) that the epoch's rows had, and their NLOS probabilities.
 
         ``variance_m2`` (r,) are those of a single normal law, wider where a row contradicts the particles.
         """
-        ...
 
-    def resampled(self, bank: Bank, ancestors: Ints) -> None:
+    def resampled(self, bank: Bank, ancestors: Ints) -> None:  # noqa: B027 (most models hold nothing to copy)
         """Particles were replaced by copies of ``ancestors`` (N,)."""
-        ...
 
 
 @dataclass
@@ -205,7 +201,7 @@ class _Round:
         """One Kalman filter's epoch; at the end of its time, particles are drawn from it."""
         covariance = step.moves @ self.bank.covariances[0] @ step.moves.T + step.noise
         self._take(step, step.mean.copy(), covariance, enough)
-        if self.since_s >= SETTLE_S and self.model.scattered():
+        if self.since_s >= SETTLE_S and self.model.scattered:
             self.bank.scatter()
 
     def _take(self, step: Step, mean: Floats, covariance: Floats, enough: bool) -> None:
@@ -217,7 +213,7 @@ class _Round:
     def _correct(self, step: Step) -> Floats:
         mean, covariance, _ = self.bank.estimate()
         variance, usual = surprises(step.rows, step.epoch, mean, covariance, step.repeats)
-        if self.model.guarded() and usual > SURPRISE**2:
+        if self.model.guarded and usual > SURPRISE**2:
             # All particles are contradicted: points cannot find back by themselves, a Kalman filter widens and does.
             self._take(step, mean, covariance, True)
             self.since_s = 0.0
@@ -234,21 +230,11 @@ class _Round:
         self.model.resampled(bank, ancestors)
 
 
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Some hundred particles are too few to share out: threads that wait for one another cost more than they save."""
-    former = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        yield
-    finally:
-        numba.set_num_threads(former)
-
-
 def run(
-    measured: Measurements, rows: Rows, model: Model, options: ParticleOptions, seed: int, progress: Progress
+    measured: Measurements, model: Model, options: ParticleOptions, seed: int, progress: Progress
 ) -> Solution:
-    """All epochs of a drive; ``rows`` as ``rows_of`` has them."""
+    """Positions of all epochs from the first that can be solved."""
+    rows = rows_of(measured)
     n, count = states(measured), options.particles
     bank = Bank(np.zeros((count, n)), np.zeros((count, n, n)), np.zeros(count), np.random.default_rng(seed))
     names = len(measured.names)
@@ -258,7 +244,8 @@ def run(
     residual, nlos = np.full(len(rows.range_m), np.nan), np.full(len(rows.range_m), np.nan)
     predicted = np.zeros(len(measured), bool)
     restarts = 0
-    with _one_thread():
+    # Some hundred particles are too few to share out: threads that wait for one another cost more than they save.
+    with at_most_threads(1):
         for k in range(len(measured)):
             part = slice(int(rows.first[k]), int(rows.first[k + 1]))
             enough = count_satellites(rows, k) >= FEWEST

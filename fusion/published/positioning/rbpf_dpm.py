@@ -26,8 +26,8 @@ from fusion.published.positioning.dpm import (
     draw_all,
     open_row,
 )
-from fusion.published.positioning.particles_bank import Bank, StateOptions, Step, rows_of, run
-from fusion.published.positioning.particles_each import correct_each, predict_each, residuals_each
+from fusion.published.positioning.particles_bank import Bank, Model, StateOptions, Step, run
+from fusion.published.positioning.particles_each import correct_each, residuals_each
 from fusion.registry import RequestMost
 from fusion.types import Bools, Floats, Ints, Progress
 
@@ -72,12 +72,11 @@ class RbpfDpm:
         self, measured: Measurements, aids: Aids, options: RbpfDpmOptions, seed: int, progress: Progress
     ) -> Solution:
         """Positions of all epochs from the first that can be solved; aids are not needed."""
-        model = _Model.of(measured, options)
-        return run(measured, rows_of(measured), model, options, seed, progress)
+        return run(measured, _Model.of(measured, options), options, seed, progress)
 
 
 @dataclass
-class _Model:
+class _Model(Model):
     """The states of the satellites (m, s), the urns, and the base measures."""
 
     state: Ints
@@ -89,33 +88,19 @@ class _Model:
 
     @classmethod
     def of(cls, measured: Measurements, options: RbpfDpmOptions) -> _Model:
-        literal = options.reading == "literal"
-        los = BaseMeasure(
-            options.los_alpha,
-            options.los_k,
-            options.los_dof,
-            options.los_scale_m2,
-            literal and LOS_PRINTED.follows,
-        )
-        nlos = BaseMeasure(options.nlos_alpha, options.nlos_k, options.nlos_dof, options.nlos_scale_m2, True)
-        rows = min(options.memory, max(len(measured), 1))
+        o, literal = options, options.reading == "literal"
+        follows = literal and LOS_PRINTED.follows
         return cls(
-            states_by_epoch(measured, options.threshold_dbhz),
-            Urns.empty(rows, len(measured.names), options.particles),
-            los,
-            nlos,
+            states_by_epoch(measured, o.threshold_dbhz),
+            Urns.empty(min(o.memory, max(len(measured), 1)), len(measured.names), o.particles),
+            BaseMeasure(o.los_alpha, o.los_k, o.los_dof, o.los_scale_m2, follows),
+            BaseMeasure(o.nlos_alpha, o.nlos_k, o.nlos_dof, o.nlos_scale_m2, True),
             literal,
             measured.cn0_dbhz,
         )
 
-    def scattered(self) -> bool:
-        return False
-
-    def guarded(self) -> bool:
-        return not self.literal
-
-    def predict(self, bank: Bank, step: Step) -> None:
-        predict_each(bank.means, bank.covariances, step.moves, step.noise)
+    def __post_init__(self) -> None:
+        self.guarded = not self.literal
 
     def correct(self, bank: Bank, step: Step, variance_m2: Floats) -> tuple[Floats, Floats]:
         satellites = step.rows.satellite[step.part]

@@ -8,8 +8,7 @@ import numpy as np
 
 from fusion.gnss.measurements import Measurements, Solution
 from fusion.gnss.reception import LOS, NLOS, THRESHOLDS_DBHZ, states_by_threshold
-from fusion.published.positioning.law_tests import LawTest, law_tests, window_distances
-from fusion.published.positioning.laws import LEAST_SAMPLES
+from fusion.published.positioning.laws import LEAST_SAMPLES, LawTest, law_tests, window_distances
 from fusion.types import Bools, Floats, Ints
 
 STATES = {LOS: "direct", NLOS: "reflected"}

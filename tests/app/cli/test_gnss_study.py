@@ -18,8 +18,8 @@ from app.cli.track import app
 from fusion.errors import MissingSensorError
 from fusion.gnss.measurements import Solution
 from fusion.gnss.positioning import Positioned
-from fusion.published.canyon.drive import rouen
 from fusion.types import DriveLog, GnssFix
+from published.positioning.rouen import rouen
 
 
 @pytest.fixture(scope="module")

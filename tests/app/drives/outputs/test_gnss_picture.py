@@ -11,8 +11,8 @@ from PIL import Image
 
 from app.drives.outputs.gnss_picture import gnss_figure, gnss_png
 from fusion.gnss.measurements import Measurements, Solution
-from fusion.published.canyon.drive import rouen
-from fusion.published.positioning.law_tests import law_tests
+from fusion.published.positioning.laws import law_tests
+from published.positioning.rouen import rouen
 
 
 @pytest.fixture(scope="module")

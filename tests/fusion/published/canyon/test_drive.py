@@ -7,11 +7,12 @@ import pytest
 from scipy import stats
 
 from fusion.gnss.orbits.satellites import states_when_sent
-from fusion.published.canyon.drive import CanyonDrive, canyon_of, rouen
-from fusion.published.canyon.radio import BLURRED, STUDY, TOWN
+from fusion.published.canyon.drive import CanyonDrive, canyon_of
+from fusion.published.canyon.radio import TOWN
 from fusion.signals import LIGHT_MPS
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
+from published.positioning.rouen import BLURRED, STUDY, rouen
 
 
 @pytest.fixture(scope="module")

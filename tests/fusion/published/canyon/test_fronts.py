@@ -10,11 +10,11 @@ from fusion.published.canyon.fronts import (
     STREETS,
     Fronts,
     fronts_along,
-    fronts_of_route,
     fronts_of_town,
 )
-from fusion.published.canyon.ride import Route, winding_route
+from fusion.published.canyon.ride import Route
 from fusion.simulate.scene.town import Town
+from published.positioning.rouen import fronts_of_route, winding_route
 
 LINE = np.column_stack([np.arange(0.0, 2001.0), np.zeros(2001), np.full(2001, 100.0)])
 STRAIGHT = Route(LINE)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fusion.published.canyon.drive import rouen
-from fusion.published.canyon.radio import STUDY, TOWN, run_clock, system_biases
+from fusion.published.canyon.radio import TOWN, run_clock, system_biases
 from fusion.signals import LIGHT_MPS
+from published.positioning.rouen import STUDY, rouen
 
 
 def test_cn0_follows_the_line_of_table_3_2() -> None:

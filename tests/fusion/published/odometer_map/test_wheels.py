@@ -9,14 +9,14 @@ import pytest
 
 from fusion.frames import LocalProjection
 from fusion.published.epochs.table import Epochs, build_epochs
-from fusion.published.odometer_map.method import without_waiting
-from fusion.published.odometer_map.options import OdometerMapOptions
-from fusion.published.odometer_map.wheels import (
+from fusion.published.odometer_map.method import (
     Rotations,
     WheelSensors,
     rotations_between,
     with_inertial_turns,
+    without_waiting,
 )
+from fusion.published.odometer_map.options import OdometerMapOptions
 from fusion.types import AngularRate, Attitude, DriveLog, GnssFix, Odometry
 
 PLANE = LocalProjection(7.85, 47.99)

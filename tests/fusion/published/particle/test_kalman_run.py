@@ -10,8 +10,7 @@ import pytest
 
 from fusion.pipeline import run_drive
 from fusion.published.nine_state.run import DriveRun
-from fusion.published.particle.kalman_run import KalmanRun
-from fusion.published.particle.method import prepare
+from fusion.published.particle.method import KalmanRun, prepare
 from fusion.published.particle.options import ParticleOptions
 from fusion.roads.network import RoadNetwork
 from fusion.simulate.scene.town import Town

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fusion.published.positioning.law_tests import (
+from fusion.published.positioning.laws import (
     LEVELS,
     chi_square,
+    fit_law,
     ks_critical,
     ks_statistic,
     law_tests,
     quantile_pairs,
     window_distances,
 )
-from fusion.published.positioning.laws import fit_law
 
 
 @pytest.mark.parametrize("name", ["normal", "laplace", "rayleigh", "3 normals"])

@@ -9,8 +9,9 @@ import pytest
 
 from fusion.gnss.measurements import Measurements, Solution
 from fusion.gnss.reception import LOS, NLOS
-from fusion.published.canyon.drive import CanyonDrive, rouen
+from fusion.published.canyon.drive import CanyonDrive
 from fusion.published.positioning.study import PAIRS, WINDOWS, reception_states, study
+from published.positioning.rouen import rouen
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fusion.gnss.earth import ecef, local_axes
 from fusion.gnss.measurements import Solution
-from fusion.published.positioning.metrics import (
+from published.positioning.metrics import (
     coverage,
     errors_enu_m,
     position_metrics,
