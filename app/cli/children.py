@@ -232,14 +232,8 @@ def stop_signals() -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
-    former = {number: signal.signal(number, interrupt) for number in STOPPING}
-    try:
+    with contextlib.suppress(KeyboardInterrupt), _signals_handled(interrupt):
         yield
-    except KeyboardInterrupt:
-        pass
-    finally:
-        for number, handler in former.items():
-            signal.signal(number, handler)
 
 
 def stop_with_parent() -> None:

@@ -53,26 +53,23 @@ class RemoteDrive:
         """Build from the drive's JSON document."""
         failure = document.get("failure")
         reason = failure.get("reason") if isinstance(failure, dict) else document.get("failure_reason")
+        progress = float(document.get("progress") or 0.0)
         return cls(
-            id=str(document["id"]),
-            status=str(document["status"]),
-            stage=document.get("stage"),
-            progress=float(document.get("progress") or 0.0),
-            reason=reason,
-            document=document,
+            str(document["id"]), str(document["status"]), document.get("stage"), progress, reason, document
         )
-
-    def link(self, rel: str, kind: str | None = None) -> str | None:
-        """The address of the document's link of that relation and, if given, media type; None without one."""
-        for link in self.document.get("links", ()):
-            if link["rel"] == rel and kind in (None, link.get("type")):
-                return str(link["href"])
-        return None
 
     @property
     def final(self) -> bool:
         """Whether nothing more will happen to it by itself."""
         return self.status in FINAL_STATUSES
+
+
+def link_of(document: Mapping[str, Any], rel: str, kind: str | None = None) -> str | None:
+    """The address of the document's link of that relation and, if given, media type; None without one."""
+    links = (
+        one for one in document.get("links", ()) if one["rel"] == rel and kind in (None, one.get("type"))
+    )
+    return next((str(one["href"]) for one in links), None)
 
 
 def shown(progress: Progress) -> DriveSeen:
@@ -156,7 +153,7 @@ class Client:
 
     def drive_segments(self, drive_id: str) -> list[dict[str, Any]]:
         """The features of one drive's own estimates, all pages."""
-        return list(self._features(f"/v1/drives/{drive_id}/segments"))
+        return [one for page in self.pages(f"/v1/drives/{drive_id}/segments") for one in page["features"]]
 
     def segments(
         self, bbox: tuple[float, float, float, float] | None = None, limit: int = 1000
@@ -165,20 +162,19 @@ class Client:
         params: dict[str, Any] = {"limit": limit}
         if bbox is not None:
             params["bbox"] = ",".join(f"{x:.7f}" for x in bbox)
-        yield from self._features("/collections/segments/items", params)
+        for page in self.pages("/collections/segments/items", params):
+            yield from page["features"]
 
     def get(self, address: str, *, accept: str | None = None) -> httpx.Response:
         """GET an address of the service; an error answer raises ``ClientError`` with its sentence."""
         return self.request("GET", address, headers={"Accept": accept} if accept else None)
 
-    def _features(self, address: str, params: dict[str, Any] | None = None) -> Iterator[dict[str, Any]]:
-        page = self.request("GET", address, params=params).json()
-        while True:
-            yield from page["features"]
-            following = [link["href"] for link in page.get("links", ()) if link["rel"] == "next"]
-            if not following:
-                return
-            page = self.request("GET", following[0]).json()
+    def pages(self, address: str | None, params: Mapping[str, Any] | None = None) -> Iterator[dict[str, Any]]:
+        """The documents of a list, following ``next`` links."""
+        while address is not None:
+            page = self.request("GET", address, params=params).json()
+            yield page
+            address, params = link_of(page, "next"), None
 
     def request(self, verb: str, address: str, **arguments: Any) -> httpx.Response:
         """Ask anything of the service; an error answer raises ``ClientError`` with its sentence."""

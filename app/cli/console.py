@@ -118,20 +118,12 @@ class Bars:
     def work(self, name: str) -> ProgressCall:
         """A new bar, driven by ``Progress`` calls, which count from 0 to 1 over all of the work (``part_of``)."""
         task = self._bars.add_task(name, total=1.0, stage="")
-
-        def show(stage: str, share: float) -> None:
-            self._bars.update(task, completed=share, stage=stage)
-
-        return show
+        return lambda stage, share: self._bars.update(task, completed=share, stage=stage)
 
     def count(self, name: str, total: int) -> Callable[[int], None]:
         """A new bar over ``total`` units; call it with how many more are done."""
         task = self._bars.add_task(name, total=max(total, 1), stage="")
-
-        def advance(units: int) -> None:
-            self._bars.update(task, advance=units)
-
-        return advance
+        return lambda units: self._bars.update(task, advance=units)
 
 
 def part_of(progress: ProgressCall, start: float, end: float) -> ProgressCall:

@@ -7,12 +7,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import DataDir, JsonFile
+from app.cli.options import DATA_DIR, JSON_FILE, arg, flag
 from fusion.errors import TerrainError
 
 if TYPE_CHECKING:
@@ -33,7 +34,9 @@ def explain() -> None:
 
 
 @elevation.command("list")
-def list_rasters(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+def list_rasters(
+    ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE
+) -> None:
     """List the rasters: place, resolution, datum, priority, size, and how many segments lie under each.
 
     Where several lie over each other the one of the highest priority counts, of one priority the finest.
@@ -67,12 +70,10 @@ def list_rasters(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFi
 @elevation.command("priority", context_settings={"ignore_unknown_options": True})
 def priority(
     ctx: typer.Context,
-    name: Annotated[str, typer.Argument(help="A raster, as `list` names it.")],
-    number: Annotated[
-        int, typer.Argument(metavar="N", help="The higher the sooner it counts; any whole number.")
-    ],
-    data_dir: DataDir = None,
-    json_file: JsonFile = None,
+    name: str = arg("A raster, as `list` names it."),
+    number: int = arg("The higher the sooner it counts; any whole number.", metavar="N"),
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Say how early a raster counts where others lie over it, and renew the heights of the segments under it."""
     from app.cli.database import sessions
@@ -89,13 +90,11 @@ def priority(
 @elevation.command("remove")
 def remove(
     ctx: typer.Context,
-    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Rasters, as `list` names them.")],
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what would change, and change nothing.")
-    ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask, whatever it changes.")] = False,
-    data_dir: DataDir = None,
-    json_file: JsonFile = None,
+    names: list[str] = arg("Rasters, as `list` names them.", metavar="NAME..."),
+    dry_run: bool = flag("Say what would change, and change nothing.", "--dry-run"),
+    yes: bool = flag("Do not ask, whatever it changes.", "--yes"),
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Take rasters out of use; what is left gives the heights of the segments that they covered.
 

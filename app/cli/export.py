@@ -5,23 +5,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+import app.cli.options as cli
 from app.cli.console import Console, write_json
-from app.cli.options import (
-    DataDir,
-    Gaps,
-    JsonFile,
-    MapFile,
-    MapScale,
-    naming,
-    parse_assignments,
-    parse_box,
-    usable_map,
-    written_file,
-)
 
 if TYPE_CHECKING:
     from app.core.db import Bounds
@@ -33,40 +22,27 @@ app = typer.Typer(add_completion=False)
 @app.command("export")
 def export(
     ctx: typer.Context,
-    out: Annotated[
-        Path | None,
-        written_file(
-            "-o",
-            "--out",
-            help="File; its suffix chooses the format, such as .geojson, .parquet, .gpkg, .fgb, .csv or .pmtiles.",
-        ),
-    ] = None,
-    form: Annotated[
-        str | None,
-        typer.Option(
-            "--as",
-            metavar="FORMAT",
-            help="The format by its name, where the suffix does not tell it: see docs/reference/export-formats.md.",
-        ),
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--option", metavar="NAME=VALUE", help="Option of the format; may be given several times."
-        ),
-    ] = None,
-    bbox: Annotated[
-        str | None, typer.Option(metavar="W,S,E,N", help="Only segments that meet this box, degrees.")
-    ] = None,
-    region: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only roads of this region (`versant regions list`).")
-    ] = None,
-    driven: Annotated[bool, typer.Option("--driven", help="Only segments that were driven.")] = False,
-    gaps: Gaps = False,
-    map_file: MapFile = None,
-    scale: MapScale = None,
-    data_dir: DataDir = None,
-    json_file: JsonFile = None,
+    out: Path | None = cli.written_file(
+        "-o",
+        "--out",
+        help="File; its suffix chooses the format, such as .geojson, .parquet, .gpkg, .fgb, .csv or .pmtiles.",
+    ),
+    form: str | None = cli.opt(
+        "The format by its name, where the suffix does not tell it: see docs/reference/export-formats.md.",
+        "--as",
+        metavar="FORMAT",
+    ),
+    option: list[str] | None = cli.opt(
+        "Option of the format; may be given several times.", "--option", metavar="NAME=VALUE"
+    ),
+    bbox: str | None = cli.opt("Only segments that meet this box, degrees.", metavar="W,S,E,N"),
+    region: str | None = cli.opt("Only roads of this region (`versant regions list`).", metavar="NAME"),
+    driven: bool = cli.flag("Only segments that were driven.", "--driven"),
+    gaps: bool = cli.GAPS,
+    map_file: Path | None = cli.MAP_FILE,
+    scale: float | None = cli.MAP_SCALE,
+    data_dir: Path | None = cli.DATA_DIR,
+    json_file: Path | None = cli.JSON_FILE,
 ) -> None:
     """Write every segment with its slope, as it stands at one moment, to a file, or draw a map of them.
 
@@ -83,13 +59,13 @@ def export(
     from app.terrain.store import current_dem
 
     console: Console = ctx.obj
-    box = parse_box(bbox)
+    box = cli.parse_box(bbox)
     request = _request_for(out, form, option, box, region, driven, gaps)
     if request is None and map_file is None:
         raise typer.BadParameter(
             "nothing is asked for: name a file by -o, or a map by --map.", param_hint="-o"
         )
-    usable_map(map_file, scale)
+    cli.usable_map(map_file, scale)
     figures, sentences = dict[str, Any](), list[str]()
     with (
         sessions(data_dir) as (settings, factory),
@@ -144,9 +120,9 @@ def _request_for(
                 "it is the format of a file, and no file is asked for by -o.", param_hint="--as"
             )
         return None
-    with naming("--as" if form is not None else "--out"):
+    with cli.naming("--as" if form is not None else "--out"):
         output_format = format_for(out, form)
     filters: dict[str, Any] = {"bbox": box, "region": region, "driven": driven, "gaps": gaps}
-    with naming("--option"):
-        options = parse_assignments(option, "--option")
+    with cli.naming("--option"):
+        options = cli.parse_assignments(option, "--option")
         return request_of(output_format.name, options, **filters, local=True)

@@ -9,32 +9,12 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+import app.cli.options as cli
 from app.cli.console import Bars, Console, write_json
-from app.cli.options import (
-    ColumnsOption,
-    Gaps,
-    GnssName,
-    GnssOption,
-    JsonFile,
-    LogFiles,
-    LogNames,
-    MapFile,
-    MapScale,
-    MethodOption,
-    Together,
-    drives_of,
-    naming,
-    parse_assignments,
-    parse_columns,
-    positioning_options,
-    usable_map,
-    usable_picture,
-    written_file,
-)
 from app.core.text import whole_file
 from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
@@ -54,57 +34,40 @@ RASTER_SUFFIXES = (".hgt", ".tif", ".tiff", ".vrt")
 @app.command("fuse")
 def fuse(
     ctx: typer.Context,
-    logs: LogNames,
-    roads: Annotated[
-        Path, typer.Option(metavar="FILE", help="OpenStreetMap roads: .osm, .osm.gz, .osm.pbf.")
-    ],
-    dem: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE...",
-            help="Elevation rasters (GeoTIFF, HGT ...); may be given several times. The quality layer of X_dem.tif, "
-            "X_num.tif, is found beside it.",
-        ),
-    ] = None,
-    method: Annotated[str, typer.Option(help="Estimator; `versant methods` lists them.")] = DEFAULT_METHOD,
-    option: MethodOption = None,
-    gnss: GnssName = DEFAULT_POSITIONING,
-    gnss_option: GnssOption = None,
-    columns: ColumnsOption = None,
-    together: Together = False,
-    control: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.csv",
-            help="Surveyed heights: lat_deg, lon_deg, height_m, sigma_m (0.1 where not stated), above the logs' datum.",
-        ),
-    ] = None,
-    gaps: Gaps = False,
-    out: Annotated[
-        Path | None,
-        written_file(
-            "-o", "--out", help="Segments: .geojson, .parquet, .gpkg or .csv; without it GeoJSON on stdout."
-        ),
-    ] = None,
-    profile: Annotated[
-        Path | None,
-        written_file(
-            "--profile",
-            metavar="OUT.png",
-            help="Elevation profile: .png, .pdf or .svg; one per log, with its number and name if several.",
-        ),
-    ] = None,
-    track: Annotated[
-        Path | None,
-        written_file(
-            "--track",
-            metavar="OUT.geojson",
-            help="Estimated track; one per log, with its number and name if several.",
-        ),
-    ] = None,
-    map_file: MapFile = None,
-    scale: MapScale = None,
-    json_file: JsonFile = None,
+    logs: list[Path] = cli.LOG_NAMES,
+    roads: Path = cli.opt("OpenStreetMap roads: .osm, .osm.gz, .osm.pbf.", default=..., metavar="FILE"),
+    dem: list[Path] | None = cli.opt(
+        "Elevation rasters (GeoTIFF, HGT ...); may be given several times. The quality layer of X_dem.tif, "
+        "X_num.tif, is found beside it.",
+        metavar="FILE...",
+    ),
+    method: str = cli.opt("Estimator; `versant methods` lists them.", default=DEFAULT_METHOD),
+    option: list[str] | None = cli.METHOD_OPTION,
+    gnss: cli.GnssName = DEFAULT_POSITIONING,
+    gnss_option: list[str] | None = cli.GNSS_OPTION,
+    columns: list[str] | None = cli.COLUMNS_OPTION,
+    together: bool = cli.TOGETHER,
+    control: Path | None = cli.opt(
+        "Surveyed heights: lat_deg, lon_deg, height_m, sigma_m (0.1 where not stated), above the logs' datum.",
+        metavar="FILE.csv",
+    ),
+    gaps: bool = cli.GAPS,
+    out: Path | None = cli.written_file(
+        "-o", "--out", help="Segments: .geojson, .parquet, .gpkg or .csv; without it GeoJSON on stdout."
+    ),
+    profile: Path | None = cli.written_file(
+        "--profile",
+        help="Elevation profile: .png, .pdf or .svg; one per log, with its number and name if several.",
+        metavar="OUT.png",
+    ),
+    track: Path | None = cli.written_file(
+        "--track",
+        help="Estimated track; one per log, with its number and name if several.",
+        metavar="OUT.geojson",
+    ),
+    map_file: Path | None = cli.MAP_FILE,
+    scale: float | None = cli.MAP_SCALE,
+    json_file: Path | None = cli.JSON_FILE,
 ) -> None:
     """Fuse logs with roads and terrain into segment slopes, without a server or a database.
 
@@ -120,10 +83,10 @@ def fuse(
     from fusion.terrain.dem import Dem
 
     console: Console = ctx.obj
-    named = {"columns": parse_columns(columns)} if columns else {}
+    named = {"columns": cli.parse_columns(columns)} if columns else {}
     chosen = _usable(method, named, option or [], gnss, gnss_option or [], out)
-    usable_map(map_file, scale)
-    usable_picture(profile, "--profile")
+    cli.usable_map(map_file, scale)
+    cli.usable_picture(profile, "--profile")
     logs, dem = _apart(logs, dem or [])
     with ExitStack() as stack:
         points = read_control(control) if control else []
@@ -131,7 +94,7 @@ def fuse(
         terrain = stack.enter_context(Dem.open(dem, trusted=True)) if dem else None
         table = read_roads(roads, bars.work(roads.name))
         fusion = Fusion(method, chosen, table, terrain, points)
-        drives = drives_of(logs, together)
+        drives = cli.drives_of(logs, together)
         outcomes = [_one(fusion, source, console, bars) for source in drives]
         combined = fusion.solve(gaps=gaps)
         source = attribution(combined.rasters)
@@ -175,18 +138,18 @@ def _usable(
     from fusion.catalogue import METHODS
     from fusion.pipeline import parse_options
 
-    options = named | parse_assignments(option, "--option")
-    of_positioning = positioning_options(gnss, gnss_option)
+    options = named | cli.parse_assignments(option, "--option")
+    of_positioning = cli.positioning_options(gnss, gnss_option)
     if out is not None:
-        with naming("--out"):
+        with cli.naming("--out"):
             segment_format_for(out)
-    with naming("--method"):
+    with cli.naming("--method"):
         METHODS[method]
-    with naming("--option"):
+    with cli.naming("--option"):
         return parse_options(method, {"gnss": gnss, "gnss_options": of_positioning, **options})
 
 
-def _one(fusion: Fusion, source: LogFiles, console: Console, bars: Bars) -> dict[str, Any]:
+def _one(fusion: Fusion, source: cli.LogFiles, console: Console, bars: Bars) -> dict[str, Any]:
     from app.cli.fuse_files import outcome_of
 
     try:
@@ -259,7 +222,7 @@ def _pictures(
         console.note(f"{path}: track of {one.source.short_name}.")
 
 
-def _numbered(path: Path, number: int | None, source: LogFiles) -> Path:
+def _numbered(path: Path, number: int | None, source: cli.LogFiles) -> Path:
     """The file of one log among several: ``profile.png`` becomes ``profile-2-tuesday.png``."""
     if number is None:
         return path

@@ -8,12 +8,12 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import DataDir, JsonFile
+from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
 
 if TYPE_CHECKING:
     from app.core.db import Sessions
@@ -29,36 +29,26 @@ regions_app = typer.Typer(
 )
 app.add_typer(regions_app, name="regions")
 
-RegionName = Annotated[
-    str | None,
-    typer.Option(
-        "--region",
-        metavar="NAME",
-        help="The region that the file brings up to date; default: the file's name without .osm.pbf and the like.",
-        show_default=False,
-    ),
-]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what it would do, and change nothing.")]
-Yes = Annotated[
-    bool,
-    typer.Option("--yes", help="Though it takes away what was measured on more than a tenth of a region."),
-]
+REGION_NAME = opt(
+    "The region that the file brings up to date; default: the file's name without .osm.pbf and the like.",
+    "--region",
+    metavar="NAME",
+)
+DRY_RUN = flag("Say what it would do, and change nothing.", "--dry-run")
+YES = flag("Though it takes away what was measured on more than a tenth of a region.", "--yes")
 
 
 @app.command("import-roads")
 def import_roads(
     ctx: typer.Context,
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="OpenStreetMap extract: .osm.pbf, .osm or .osm.gz; or changes of a region: .osc or .osc.gz."
-        ),
-    ],
-    region: RegionName = None,
-    dry_run: DryRun = False,
-    yes: Yes = False,
-    data_dir: DataDir = None,
-    json_file: JsonFile = None,
+    file: Path = arg(
+        "OpenStreetMap extract: .osm.pbf, .osm or .osm.gz; or changes of a region: .osc or .osc.gz."
+    ),
+    region: str | None = REGION_NAME,
+    dry_run: bool = DRY_RUN,
+    yes: bool = YES,
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Make the drivable roads of an OpenStreetMap file those of a region; other regions stay as they are.
 
@@ -75,7 +65,7 @@ def import_roads(
 
 
 @regions_app.command("list")
-def list_regions(data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+def list_regions(data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE) -> None:
     """Name each region, the file that it came from, and how many of its segments anything was measured on."""
     from app.cli.database import sessions
     from app.roads.store import region_figures
@@ -96,11 +86,11 @@ def list_regions(data_dir: DataDir = None, json_file: JsonFile = None) -> None:
 @regions_app.command("remove")
 def remove_region(
     ctx: typer.Context,
-    name: Annotated[str, typer.Argument(metavar="NAME", help="As `versant regions list` names it.")],
-    dry_run: DryRun = False,
-    yes: Yes = False,
-    data_dir: DataDir = None,
-    json_file: JsonFile = None,
+    name: str = arg("As `versant regions list` names it.", metavar="NAME"),
+    dry_run: bool = DRY_RUN,
+    yes: bool = YES,
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Take a region off the map, but for roads that other regions have; importing it again brings all back in time."""
     from app.roads.imports import remove_region as remove
@@ -142,25 +132,18 @@ def _change_roads(
 @app.command("import-dem")
 def import_dem(
     ctx: typer.Context,
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE...",
-            help="Rasters: GeoTIFF, COG, VRT, HGT; WGS 84 or any CRS. The quality layer X_num.tif of X_dem.tif "
-            "goes with it.",
-        ),
-    ],
-    priority: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Where rasters lie over each other the highest number counts, of one number the finest; 0 unless "
-            "given. `versant elevation priority` changes it.",
-            show_default=False,
-        ),
-    ] = None,
-    data_dir: DataDir = None,
-    json_file: JsonFile = None,
+    files: list[Path] = arg(
+        "Rasters: GeoTIFF, COG, VRT, HGT; WGS 84 or any CRS. The quality layer X_num.tif of X_dem.tif "
+        "goes with it.",
+        metavar="FILE...",
+    ),
+    priority: int | None = opt(
+        "Where rasters lie over each other the highest number counts, of one number the finest; 0 unless "
+        "given. `versant elevation priority` changes it.",
+        metavar="N",
+    ),
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Add elevation rasters to the terrain that drives and roads are compared with.
 
@@ -211,22 +194,15 @@ def import_dem(
 @app.command("import-control")
 def import_control(
     ctx: typer.Context,
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="CSV: lat_deg, lon_deg, height_m, and sigma_m where it is known (else 0.1 m); heights above the datum "
-            "that the logs use.",
-        ),
-    ],
-    replace: Annotated[
-        bool,
-        typer.Option(
-            "--replace",
-            help="Let the file's points be all there are; one that has only a header removes all.",
-        ),
-    ] = False,
-    data_dir: DataDir = None,
-    json_file: JsonFile = None,
+    file: Path = arg(
+        "CSV: lat_deg, lon_deg, height_m, and sigma_m where it is known (else 0.1 m); heights above the datum "
+        "that the logs use."
+    ),
+    replace: bool = flag(
+        "Let the file's points be all there are; one that has only a header removes all.", "--replace"
+    ),
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Add surveyed heights to what the network's heights rest on.
 
@@ -251,7 +227,7 @@ def import_control(
 
 
 @app.command("settle")
-def settle(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+def settle(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE) -> None:
     """Compute the slopes of the whole network anew from what the drives contributed.
 
     Wanted after an elevation import, which by itself changes no slope, and after an update of Versant that

@@ -5,12 +5,13 @@
 from __future__ import annotations
 
 import inspect
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import JsonFile
+from app.cli.options import JSON_FILE, arg
 from fusion.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
@@ -22,10 +23,8 @@ app = typer.Typer(add_completion=False)
 @app.command("methods")
 def methods(
     ctx: typer.Context,
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Only these methods.")
-    ] = None,
-    json_file: JsonFile = None,
+    names: list[str] | None = arg("Only these methods.", default=None, metavar="[NAME]..."),
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """List methods with source, needs and options, then formats, windows, resamplers and the like."""
     from fusion.catalogue import METHODS

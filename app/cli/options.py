@@ -27,75 +27,56 @@ def in_a_folder(path: Path | None) -> Path | None:
     return path
 
 
-def written_file(*flags: str, metavar: str | None = None, help: str) -> Any:  # noqa: A002 - typer's name
+def opt(help: str, *flags: str, default: Any = None, **more: Any) -> Any:  # noqa: A002 - typer's name
+    """An option of one command, as its parameter's default value; ``...`` as ``default``: it must be given."""
+    return typer.Option(default, *flags, help=help, **more)
+
+
+def flag(help: str, *flags: str, **more: Any) -> Any:  # noqa: A002
+    """An option that is there or not."""
+    return typer.Option(False, *flags, help=help, **more)
+
+
+def arg(help: str, *, default: Any = ..., **more: Any) -> Any:  # noqa: A002
+    """An argument of one command, which must be given unless it has a default value."""
+    return typer.Argument(default, help=help, **more)
+
+
+def written_file(*flags: str, help: str, **more: Any) -> Any:  # noqa: A002
     """An option that names a file to write."""
-    return typer.Option(*flags, metavar=metavar, help=help, callback=in_a_folder, show_default=False)
+    return opt(help, *flags, callback=in_a_folder, show_default=False, **more)
 
 
-DataDir = Annotated[
-    Path | None,
-    typer.Option(
-        "--data-dir",
-        metavar="DIR",
-        file_okay=False,
-        help="Folder of the embedded database, started if it is not running. Default: VERSANT_DATABASE_URL, "
-        "else the folder that `versant up` uses.",
-        show_default=False,
-    ),
-]
-JsonFile = Annotated[
-    Path | None, written_file("--json", metavar="FILE", help="Write the figures as JSON as well.")
-]
-MapFile = Annotated[
-    Path | None, written_file("--map", metavar="FILE", help="Map of the slopes: .png, .pdf or .svg.")
-]
-MapScale = Annotated[
-    float | None,
-    typer.Option(
-        "--scale",
-        metavar="PERCENT",
-        min=0.5,
-        max=100,
-        help="Steepness from which on the map is darkest; so that maps can be compared. Default: as suits the slopes.",
-        show_default=False,
-    ),
-]
-Gaps = Annotated[
-    bool, typer.Option("--gaps", help="Give undriven segments between driven ones a slope as well.")
-]
-MethodOption = Annotated[
-    list[str] | None,
-    typer.Option("--option", metavar="NAME=VALUE", help="Option of the method; may be given several times."),
-]
-LogNames = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="LOG...",
-        help="Drive logs, gzipped or not; a folder or a zip is one drive of the files in it.",
-    ),
-]
-Together = Annotated[
-    bool,
-    typer.Option("--together", help="All of them are one drive, such as observations and navigation."),
-]
-GnssOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--gnss-option",
-        metavar="NAME=VALUE",
-        help="Option of the positioning; may be given several times.",
-        show_default=False,
-    ),
-]
-ColumnsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--columns",
-        metavar="NAME=HEADER",
-        help="A column of a CSV that is called otherwise, such as alt_msl_m=Altitude; may be given several times.",
-        show_default=False,
-    ),
-]
+DATA_DIR = opt(
+    "Folder of the embedded database, started if it is not running. Default: VERSANT_DATABASE_URL, "
+    "else the folder that `versant up` uses.",
+    "--data-dir",
+    metavar="DIR",
+    file_okay=False,
+)
+JSON_FILE = written_file("--json", help="Write the figures as JSON as well.", metavar="FILE")
+MAP_FILE = written_file("--map", help="Map of the slopes: .png, .pdf or .svg.", metavar="FILE")
+MAP_SCALE = opt(
+    "Steepness from which on the map is darkest; so that maps can be compared. Default: as suits the slopes.",
+    "--scale",
+    metavar="PERCENT",
+    min=0.5,
+    max=100,
+)
+GAPS = flag("Give undriven segments between driven ones a slope as well.", "--gaps")
+METHOD_OPTION = opt("Option of the method; may be given several times.", "--option", metavar="NAME=VALUE")
+LOG_NAMES = arg(
+    "Drive logs, gzipped or not; a folder or a zip is one drive of the files in it.", metavar="LOG..."
+)
+TOGETHER = flag("All of them are one drive, such as observations and navigation.", "--together")
+GNSS_OPTION = opt(
+    "Option of the positioning; may be given several times.", "--gnss-option", metavar="NAME=VALUE"
+)
+COLUMNS_OPTION = opt(
+    "A column of a CSV that is called otherwise, such as alt_msl_m=Altitude; may be given several times.",
+    "--columns",
+    metavar="NAME=HEADER",
+)
 GnssName = Annotated[
     str,
     typer.Option(

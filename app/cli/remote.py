@@ -5,23 +5,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+import app.cli.options as cli
 from app.cli.console import Bars, Console, write_json
-from app.cli.options import (
-    ColumnsOption,
-    GnssOption,
-    JsonFile,
-    LogFiles,
-    LogNames,
-    MethodOption,
-    Together,
-    drives_of,
-    parse_assignments,
-    parse_columns,
-)
 from fusion.errors import FusionError
 
 if TYPE_CHECKING:
@@ -32,45 +22,40 @@ app = typer.Typer(add_completion=False)
 SHOWN = ("file", "drive", "status", "segments")
 """What the table shows of each upload; why one failed is said once, on standard error."""
 
-Server = Annotated[
-    str | None, typer.Option(metavar="URL", help="Address of the service.  [default: VERSANT_SERVER]")
-]
-GnssChoice = Annotated[
-    str | None,
-    typer.Option(
-        "--gnss",
-        metavar="NAME",
-        help="How positions are computed (`versant methods` lists the ways); without it as the service does by itself.",
-    ),
-]
+SERVER = cli.opt("Address of the service.  [default: VERSANT_SERVER]", metavar="URL")
+GNSS_CHOICE = cli.opt(
+    "How positions are computed (`versant methods` lists the ways); without it as the service does by itself.",
+    "--gnss",
+    metavar="NAME",
+)
 
 
 @app.command("upload")
 def upload(
     ctx: typer.Context,
-    files: LogNames,
-    together: Together = False,
-    server: Server = None,
-    method: Annotated[str | None, typer.Option(help="Estimator; without it the service's default.")] = None,
-    option: MethodOption = None,
-    gnss: GnssChoice = None,
-    gnss_option: GnssOption = None,
-    columns: ColumnsOption = None,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait until each drive is done or failed.")] = False,
-    json_file: JsonFile = None,
+    files: list[Path] = cli.LOG_NAMES,
+    together: bool = cli.TOGETHER,
+    server: str | None = SERVER,
+    method: str | None = cli.opt("Estimator; without it the service's default."),
+    option: list[str] | None = cli.METHOD_OPTION,
+    gnss: str | None = GNSS_CHOICE,
+    gnss_option: list[str] | None = cli.GNSS_OPTION,
+    columns: list[str] | None = cli.COLUMNS_OPTION,
+    wait: bool = cli.flag("Wait until each drive is done or failed.", "--wait"),
+    json_file: Path | None = cli.JSON_FILE,
 ) -> None:
     """Upload drive logs to a service; exit status 1 if any of them failed.
 
     The same bytes again are the same drive: an upload that broke off may simply be repeated.
     """
     console: Console = ctx.obj
-    options = parse_assignments(option, "--option")
+    options = cli.parse_assignments(option, "--option")
     if gnss_option:
-        options["gnss_options"] = parse_assignments(gnss_option, "--gnss-option")
+        options["gnss_options"] = cli.parse_assignments(gnss_option, "--gnss-option")
     if columns:
-        options["columns"] = parse_columns(columns)
+        options["columns"] = cli.parse_columns(columns)
     computation = {"method": method, "options": options, "gnss": gnss}
-    uploads = [Upload(source) for source in drives_of(files, together)]
+    uploads = [Upload(source) for source in cli.drives_of(files, together)]
     with service_client(server) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
         for one in uploads:
@@ -102,7 +87,7 @@ def service_client(server: str | None) -> Client:
 class Upload:
     """One drive on its way."""
 
-    source: LogFiles
+    source: cli.LogFiles
     drive: RemoteDrive | None = None
     reason: str | None = None
     segments: int | None = None
@@ -130,6 +115,8 @@ class Upload:
 
     def figures(self) -> dict[str, Any]:
         """What ``--json`` says; the table shows ``SHOWN`` of it."""
+        from app.cli.client import link_of
+
         return {
             "file": self.source.name,
             "drive": self.drive.id if self.drive else None,
@@ -138,8 +125,10 @@ class Upload:
             "reason": self.reason,
             "summary": self.summary(),
             "warnings": list(self.report.get("warnings", ())),
-            "address": self.drive.link("self") if self.drive else None,
-            "profile": self.drive.link("profile", "image/png") if self.report and self.drive else None,
+            "address": link_of(self.drive.document, "self") if self.drive else None,
+            "profile": link_of(self.drive.document, "profile", "image/png")
+            if self.report and self.drive
+            else None,
         }
 
 

@@ -7,12 +7,12 @@ from __future__ import annotations
 import logging
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from app.cli.console import Console, LogConsole
-from app.cli.options import DataDir
+from app.cli.options import DATA_DIR, flag, opt
 
 if TYPE_CHECKING:
     from app.cli.supervisor import Service
@@ -22,30 +22,20 @@ GRACEFUL_S = 3  # followers of a drive's events would otherwise keep a stopping 
 
 app = typer.Typer(add_completion=False)
 
-WithParent = Annotated[
-    bool, typer.Option("--stop-with-parent", hidden=True, help="Stop when standard input closes.")
-]
+WITH_PARENT = flag("Stop when standard input closes.", "--stop-with-parent", hidden=True)
 
 
 @app.command("up")
 def up(
     ctx: typer.Context,
-    data_dir: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            file_okay=False,
-            help="Folder of the database, the uploads and the rasters; made if it is missing. "
-            "Default: VERSANT_DATA_DIR, else ~/.local/share/versant.",
-            show_default=False,
-        ),
-    ] = None,
-    port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="TCP port, 0 for any free one.  [default: 8000]")
-    ] = None,
-    host: Annotated[
-        str | None, typer.Option(help="Address to listen on.  [default: 127.0.0.1, this machine alone]")
-    ] = None,
+    data_dir: Path | None = opt(
+        "Folder of the database, the uploads and the rasters; made if it is missing. "
+        "Default: VERSANT_DATA_DIR, else ~/.local/share/versant.",
+        metavar="DIR",
+        file_okay=False,
+    ),
+    port: int | None = opt("TCP port, 0 for any free one.  [default: 8000]", min=0, max=65535),
+    host: str | None = opt("Address to listen on.  [default: 127.0.0.1, this machine alone]"),
 ) -> None:
     """Start everything: embedded PostgreSQL + PostGIS, migrations, API and worker. Ctrl-C stops it.
 
@@ -72,10 +62,10 @@ def up(
 @app.command("api")
 def api(
     ctx: typer.Context,
-    data_dir: DataDir = None,
-    port: Annotated[int | None, typer.Option(min=0, max=65535, help="TCP port.  [default: 8000]")] = None,
-    host: Annotated[str | None, typer.Option(help="Address to listen on.  [default: 127.0.0.1]")] = None,
-    with_parent: WithParent = False,
+    data_dir: Path | None = DATA_DIR,
+    port: int | None = opt("TCP port.  [default: 8000]", min=0, max=65535),
+    host: str | None = opt("Address to listen on.  [default: 127.0.0.1]"),
+    with_parent: bool = WITH_PARENT,
 ) -> None:
     """Serve the HTTP API."""
     import uvicorn
@@ -116,16 +106,11 @@ def api(
 @app.command("worker")
 def worker(
     ctx: typer.Context,
-    data_dir: DataDir = None,
-    concurrency: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Drives computed at once, each in a process of its own.  [default: as cores and memory allow]",
-            show_default=False,
-        ),
-    ] = None,
-    with_parent: WithParent = False,
+    data_dir: Path | None = DATA_DIR,
+    concurrency: int | None = opt(
+        "Drives computed at once, each in a process of its own.  [default: as cores and memory allow]", min=1
+    ),
+    with_parent: bool = WITH_PARENT,
 ) -> None:
     """Process uploaded drives. Any number of workers may share one database."""
     from app.cli.children import Children, stop_signals, workers
@@ -148,14 +133,10 @@ def worker(
 @app.command("migrate")
 def migrate(
     ctx: typer.Context,
-    data_dir: DataDir = None,
-    finish: Annotated[
-        bool,
-        typer.Option(
-            "--finish",
-            help="Also take away what only programs of older versions use: when none runs any more.",
-        ),
-    ] = False,
+    data_dir: Path | None = DATA_DIR,
+    finish: bool = flag(
+        "Also take away what only programs of older versions use: when none runs any more.", "--finish"
+    ),
 ) -> None:
     """Bring the database to the schema of this version. Programs before it run on where the changelog says so."""
     from app.cli.database import database, settings_for

@@ -5,12 +5,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import JsonFile, naming
+from app.cli.options import JSON_FILE, naming, opt
 
 app = typer.Typer(add_completion=False)
 
@@ -18,17 +17,13 @@ app = typer.Typer(add_completion=False)
 @app.command("simulate")
 def simulate(
     ctx: typer.Context,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="Folder, made if it is missing.")],
-    seed: Annotated[int, typer.Option(min=0, help="The same seed makes the same files.")] = 1,
-    drives: Annotated[int, typer.Option(min=0, help="Number of drives.")] = 6,
-    receiver: Annotated[
-        str | None, typer.Option(help="m8, phone or f9p, as CSV; without it a mix, as CSV and UBX.")
-    ] = None,
-    duration_s: Annotated[
-        float, typer.Option("--duration", min=10, help="Length of a drive, seconds.")
-    ] = 600.0,
-    rate_hz: Annotated[float, typer.Option("--rate", min=0.1, max=100, help="Epochs per second.")] = 1.0,
-    json_file: JsonFile = None,
+    out: Path = opt("Folder, made if it is missing.", "-o", "--out", default=..., metavar="DIR"),
+    seed: int = opt("The same seed makes the same files.", default=1, min=0),
+    drives: int = opt("Number of drives.", default=6, min=0),
+    receiver: str | None = opt("m8, phone or f9p, as CSV; without it a mix, as CSV and UBX."),
+    duration_s: float = opt("Length of a drive, seconds.", "--duration", default=600.0, min=10),
+    rate_hz: float = opt("Epochs per second.", "--rate", default=1.0, min=0.1, max=100),
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv)."""
     from fusion.simulate.demonstration import write_all

@@ -7,24 +7,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+import app.cli.options as cli
 from app.cli.console import Console, part_of, write_json
-from app.cli.options import (
-    ColumnsOption,
-    GnssName,
-    GnssOption,
-    JsonFile,
-    LogFiles,
-    LogNames,
-    Together,
-    drives_of,
-    parse_columns,
-    positioning_options,
-    written_file,
-)
 from app.core.text import whole_file
 from fusion.errors import FusionError, MissingSensorError
 from fusion.registry import DEFAULT_POSITIONING
@@ -40,13 +28,13 @@ app = typer.Typer(add_completion=False)
 @app.command("track")
 def track(
     ctx: typer.Context,
-    logs: LogNames,
-    out: Annotated[Path, written_file("-o", "--out", help="Positions: .csv or .geojson.")],
-    gnss: GnssName = DEFAULT_POSITIONING,
-    gnss_option: GnssOption = None,
-    columns: ColumnsOption = None,
-    together: Together = False,
-    json_file: JsonFile = None,
+    logs: list[Path] = cli.LOG_NAMES,
+    out: Path = cli.written_file("-o", "--out", help="Positions: .csv or .geojson.", default=...),
+    gnss: cli.GnssName = DEFAULT_POSITIONING,
+    gnss_option: list[str] | None = cli.GNSS_OPTION,
+    columns: list[str] | None = cli.COLUMNS_OPTION,
+    together: bool = cli.TOGETHER,
+    json_file: Path | None = cli.JSON_FILE,
 ) -> None:
     """Write the positions of logs, with their heights and stated accuracies.
 
@@ -60,12 +48,12 @@ def track(
             f"No track is written to files ending in {out.suffix!r}. Choose .csv or .geojson.",
             param_hint="'--out'",
         )
-    named = parse_columns(columns)
-    options = positioning_options(gnss, gnss_option)
+    named = cli.parse_columns(columns)
+    options = cli.positioning_options(gnss, gnss_option)
     tracks: list[Positions] = []
     outcomes = []
     with console.progress() as bars:
-        drives = drives_of(logs, together)
+        drives = cli.drives_of(logs, together)
         for source in drives:
             reason = None
             try:
@@ -95,7 +83,11 @@ def track(
 
 
 def _read(
-    source: LogFiles, columns: Mapping[str, str], gnss: str, options: Mapping[str, Any], progress: Progress
+    source: cli.LogFiles,
+    columns: Mapping[str, str],
+    gnss: str,
+    options: Mapping[str, Any],
+    progress: Progress,
 ) -> Positions:
     from app.cli.positions import Positions
     from fusion.gnss.positioning import positioned
@@ -111,20 +103,14 @@ def _read(
 @app.command("gnss-study")
 def gnss_study(
     ctx: typer.Context,
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="LOG...",
-            help="The files of one drive, such as observations and navigation; or a folder or a zip of them.",
-        ),
-    ],
-    gnss: GnssName = "one-sided",
-    gnss_option: GnssOption = None,
-    out: Annotated[
-        Path | None,
-        written_file("-o", "--out", help="A picture, .png."),
-    ] = None,
-    json_file: JsonFile = None,
+    logs: list[Path] = cli.arg(
+        "The files of one drive, such as observations and navigation; or a folder or a zip of them.",
+        metavar="LOG...",
+    ),
+    gnss: cli.GnssName = "one-sided",
+    gnss_option: list[str] | None = cli.GNSS_OPTION,
+    out: Path | None = cli.written_file("-o", "--out", help="A picture, .png."),
+    json_file: Path | None = cli.JSON_FILE,
 ) -> None:
     """Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow."""
     from fusion.gnss.positioning import positioned
@@ -135,9 +121,9 @@ def gnss_study(
         raise typer.BadParameter(
             f"No picture is written to files ending in {out.suffix!r}. Choose .png.", param_hint="'--out'"
         )
-    options = positioning_options(gnss, gnss_option)
+    options = cli.positioning_options(gnss, gnss_option)
     with console.progress() as bars:
-        (drive,) = drives_of(logs, together=True)
+        (drive,) = cli.drives_of(logs, together=True)
         progress = bars.work(drive.short_name)
         log = drive.read(part_of(progress, 0.0, 0.3))
         computed = positioned(log, gnss, options, part_of(progress, 0.3, 1.0))

@@ -8,12 +8,12 @@ import time
 from dataclasses import asdict
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import DataDir, JsonFile
+from app.cli.options import DATA_DIR, JSON_FILE, arg, flag
 
 if TYPE_CHECKING:
     from app.upkeep.doctor import Finding
@@ -23,11 +23,16 @@ _MIB = 2**20
 
 app = typer.Typer(add_completion=False)
 
-Folder = Annotated[Path, typer.Argument(metavar="DIR", file_okay=False, help="Folder of the backup.")]
+FOLDER = arg("Folder of the backup.", metavar="DIR", file_okay=False)
 
 
 @app.command("backup")
-def backup(ctx: typer.Context, folder: Folder, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+def backup(
+    ctx: typer.Context,
+    folder: Path = FOLDER,
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
+) -> None:
     """Copy the database, the logs and the elevation rasters of a running service.
 
     The database as it is at one moment, and every file that it refers to then. Given the same folder again it copies
@@ -52,12 +57,10 @@ def backup(ctx: typer.Context, folder: Folder, data_dir: DataDir = None, json_fi
 @app.command("restore")
 def restore(
     ctx: typer.Context,
-    folder: Folder,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check every file of the backup, and bring nothing back.")
-    ] = False,
-    data_dir: DataDir = None,
-    json_file: JsonFile = None,
+    folder: Path = FOLDER,
+    dry_run: bool = flag("Check every file of the backup, and bring nothing back.", "--dry-run"),
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Bring a backup back into an empty database.
 
@@ -139,7 +142,7 @@ def _backup_figures(manifest: Manifest) -> dict[str, Any]:
 
 
 @app.command("doctor")
-def doctor(ctx: typer.Context, data_dir: DataDir = None, json_file: JsonFile = None) -> None:
+def doctor(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE) -> None:
     """Look for what is wrong with a service; changes nothing.
 
     Versions, room, database and schema, clocks, queue, cells, logs, elevation, and who reaches the API; each finding
@@ -171,16 +174,13 @@ def _finding_row(one: Finding) -> tuple[str, str, str, str]:
 
 @app.command("sweep")
 def sweep(
-    only_database: Annotated[
-        bool,
-        typer.Option(
-            "--only-database",
-            help="No other database uses the store any more, though others have: this one is, say, their restored "
-            "backup, and no other backup is to be restored.",
-        ),
-    ] = False,
-    data_dir: DataDir = None,
-    json_file: JsonFile = None,
+    only_database: bool = flag(
+        "No other database uses the store any more, though others have: this one is, say, their restored "
+        "backup, and no other backup is to be restored.",
+        "--only-database",
+    ),
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Remove stored logs that no drive refers to any more, and files that no export does.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import JsonFile
+from app.cli.options import JSON_FILE
 
 if TYPE_CHECKING:
     from app.demo.run import DemoResult
@@ -38,7 +38,7 @@ def demo(
         Path, typer.Option("--output", "-o", metavar="DIR", help="Where the results go.")
     ] = Path("demo"),
     port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port; 0 for any free one.")] = 0,
-    json_file: JsonFile = None,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Simulate a town and drives, run them through a service of its own, and compare with the truth.
 

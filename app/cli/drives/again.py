@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from app.cli.console import Console, write_json
 from app.cli.drives.look import SHOWN_FAILURES, failures_table, listed
-from app.cli.options import GnssOption, JsonFile, parse_assignments
-from app.cli.remote import GnssChoice, Server, service_client
+from app.cli.options import GNSS_OPTION, JSON_FILE, flag, opt, parse_assignments
+from app.cli.remote import GNSS_CHOICE, SERVER, service_client
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -21,63 +22,39 @@ if TYPE_CHECKING:
 POLL_S = 2.0
 _ADDRESS = "/v1/drives/reprocess"
 
-Moment = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Such as 2026-11-20 or 2026-11-20T09:00:00Z.")
-]
+MOMENT = opt("Such as 2026-11-20 or 2026-11-20T09:00:00Z.", metavar="TIME")
 
 
 def reprocess(
     ctx: typer.Context,
-    every: Annotated[bool, typer.Option("--all", help="Every drive that is done or failed.")] = False,
-    stale: Annotated[
-        bool,
-        typer.Option(
-            "--stale",
-            help="Drives that another version of the code, other defaults, or other elevation rasters where "
-            "they drove, computed, or on other roads than stand there now.",
-        ),
-    ] = False,
-    failed: Annotated[bool, typer.Option("--failed", help="Drives that failed.")] = False,
-    region: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only drives on roads of this region.")
-    ] = None,
-    drive: Annotated[
-        list[str] | None, typer.Option(metavar="ID", help="This drive; may be given several times.")
-    ] = None,
-    bbox: Annotated[
-        str | None, typer.Option(metavar="WEST,SOUTH,EAST,NORTH", help="Only drives there; degrees.")
-    ] = None,
-    from_method: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only drives of this method.")
-    ] = None,
-    code_version: Annotated[
-        str | None, typer.Option(metavar="VERSION", help="Only drives that this version computed.")
-    ] = None,
-    failure: Annotated[str | None, typer.Option(metavar="KIND", help="Only drives that failed so.")] = None,
-    created_after: Moment = None,
-    created_before: Moment = None,
-    driven_after: Moment = None,
-    driven_before: Moment = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            help="Estimator; without it each keeps its own, or the service's default is taken (see above)."
-        ),
-    ] = None,
-    gnss: GnssChoice = None,
-    gnss_option: GnssOption = None,
-    force: Annotated[
-        bool,
-        typer.Option("--force", help="Also drives whose log itself this version found to be unusable."),
-    ] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only count the drives.")] = False,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait until each drive is done or failed.")] = False,
-    cancel: Annotated[
-        int | None,
-        typer.Option(metavar="BATCH", help="Take what waits of that batch out of the queue instead."),
-    ] = None,
-    server: Server = None,
-    json_file: JsonFile = None,
+    every: bool = flag("Every drive that is done or failed.", "--all"),
+    stale: bool = flag(
+        "Drives that another version of the code, other defaults, or other elevation rasters where "
+        "they drove, computed, or on other roads than stand there now.",
+        "--stale",
+    ),
+    failed: bool = flag("Drives that failed.", "--failed"),
+    region: str | None = opt("Only drives on roads of this region.", metavar="NAME"),
+    drive: list[str] | None = opt("This drive; may be given several times.", metavar="ID"),
+    bbox: str | None = opt("Only drives there; degrees.", metavar="WEST,SOUTH,EAST,NORTH"),
+    from_method: str | None = opt("Only drives of this method.", metavar="NAME"),
+    code_version: str | None = opt("Only drives that this version computed.", metavar="VERSION"),
+    failure: str | None = opt("Only drives that failed so.", metavar="KIND"),
+    created_after: str | None = MOMENT,
+    created_before: str | None = MOMENT,
+    driven_after: str | None = MOMENT,
+    driven_before: str | None = MOMENT,
+    method: str | None = opt(
+        "Estimator; without it each keeps its own, or the service's default is taken (see above)."
+    ),
+    gnss: str | None = GNSS_CHOICE,
+    gnss_option: list[str] | None = GNSS_OPTION,
+    force: bool = flag("Also drives whose log itself this version found to be unusable.", "--force"),
+    dry_run: bool = flag("Only count the drives.", "--dry-run"),
+    wait: bool = flag("Wait until each drive is done or failed.", "--wait"),
+    cancel: int | None = opt("Take what waits of that batch out of the queue instead.", metavar="BATCH"),
+    server: str | None = SERVER,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Let a service process drives again, behind uploads; exit status 1 if any failed that was waited for.
 

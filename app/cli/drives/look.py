@@ -7,13 +7,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from app.cli.console import Console, figure, write_json
-from app.cli.options import JsonFile
-from app.cli.remote import Server, service_client
+from app.cli.options import JSON_FILE, arg, opt
+from app.cli.remote import SERVER, service_client
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -24,7 +26,7 @@ SHORT_REASON = 80
 SHOWN_FAILURES = 100
 """Drives that failed in a batch and are named at its end."""
 
-DriveIds = Annotated[list[str], typer.Argument(metavar="ID...", help="Drives, as `list` names them.")]
+DRIVE_IDS = arg("Drives, as `list` names them.", metavar="ID...")
 
 
 def a_moment(text: str | None) -> str | None:
@@ -51,25 +53,17 @@ class Status(StrEnum):
 
 def list_drives(
     ctx: typer.Context,
-    server: Server = None,
-    status: Annotated[Status | None, typer.Option(help="Only drives of this status.")] = None,
-    failure: Annotated[
-        str | None,
-        typer.Option(metavar="KIND", help="Only drives that failed so, such as no-match or malformed-log."),
-    ] = None,
-    since: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME",
-            callback=a_moment,
-            help="Only drives uploaded since, such as 2026-11-20.",
-        ),
-    ] = None,
-    batch: Annotated[
-        int | None, typer.Option(min=1, help="Only drives that were last asked for with this batch.")
-    ] = None,
-    limit: Annotated[int, typer.Option(min=1, help="At most so many.")] = 100,
-    json_file: JsonFile = None,
+    server: str | None = SERVER,
+    status: Status | None = opt("Only drives of this status."),
+    failure: str | None = opt(
+        "Only drives that failed so, such as no-match or malformed-log.", metavar="KIND"
+    ),
+    since: str | None = opt(
+        "Only drives uploaded since, such as 2026-11-20.", metavar="TIME", callback=a_moment
+    ),
+    batch: int | None = opt("Only drives that were last asked for with this batch.", min=1),
+    limit: int = opt("At most so many.", default=100, min=1),
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """List drives, the newest upload first, with the reason of what failed."""
     console: Console = ctx.obj
@@ -85,9 +79,9 @@ def list_drives(
 
 def show(
     ctx: typer.Context,
-    drive: Annotated[str, typer.Argument(metavar="ID", help="A drive, as `list` names it.")],
-    server: Server = None,
-    json_file: JsonFile = None,
+    drive: str = arg("A drive, as `list` names it.", metavar="ID"),
+    server: str | None = SERVER,
+    json_file: Path | None = JSON_FILE,
 ) -> None:
     """Show what is known of a drive: its file, its times, its result, its warnings; all of its report with --json."""
     with service_client(server) as client:
@@ -97,7 +91,7 @@ def show(
     write_json(json_file, document)
 
 
-def delete(ctx: typer.Context, ids: DriveIds, server: Server = None) -> None:
+def delete(ctx: typer.Context, ids: list[str] = DRIVE_IDS, server: str | None = SERVER) -> None:
     """Delete drives: their logs, and their influence on every segment; exit status 1 if any cannot be deleted."""
     from app.cli.client import ClientError
 
@@ -118,15 +112,8 @@ def delete(ctx: typer.Context, ids: DriveIds, server: Server = None) -> None:
 def listed(client: Client, filters: Mapping[str, Any], limit: int) -> list[dict[str, Any]]:
     """The newest drives for which that holds, page after page; what is None is not asked."""
     query = {"limit": min(limit, PAGE_DRIVES)} | {k: v for k, v in filters.items() if v is not None}
-    page = client.request("GET", "/v1/drives", params=query).json()
-    drives: list[dict[str, Any]] = page["drives"]
-    while len(drives) < limit:
-        following = [link["href"] for link in page["links"] if link["rel"] == "next"]
-        if not following:
-            break
-        page = client.get(following[0]).json()
-        drives += page["drives"]
-    return drives[:limit]
+    drives = (one for page in client.pages("/v1/drives", query) for one in page["drives"])
+    return list(islice(drives, limit))
 
 
 def failures_table(console: Console, failed: Iterable[Mapping[str, Any]]) -> None:
