@@ -1,29 +1,14 @@
-"""When a particle filter resamples (Al Assaad 2020, section 1.4.3.4), and the two measures of degeneracy behind it.
+"""When a particle filter resamples (Al Assaad 2020, section 1.4.3.4).
 
 A trigger looks at two sums over the weights only, so that a compiled cloud can offer them without handing out weights.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
 from fusion.registry import Registry
-from fusion.types import Floats
-
-
-def effective_number(weights: Floats) -> float:
-    """N_eff = 1 / sum w^2 (1.50) of weights that sum to 1: from 1, one particle has it all, to N, all are equal."""
-    return float(1.0 / np.sum(weights**2))
-
-
-def entropy(weights: Floats) -> float:
-    """S_w = log N + sum w log w (1.49) of weights that sum to 1, in nats: from 0, all are equal, to log N."""
-    positive = weights[weights > 0.0]
-    return float(math.log(len(weights)) + np.sum(positive * np.log(positive)))
 
 
 class Rule(Protocol):

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fusion.errors import UnknownNameError
-from fusion.filters.triggers import TRIGGERS, Trigger, effective_number, entropy
+from fusion.filters.triggers import TRIGGERS, Trigger
+from weight_support import effective_number, entropy
 
 weights = st.lists(st.floats(0, 1), min_size=1, max_size=40).filter(lambda w: sum(w) > 1e-6)
 

@@ -8,12 +8,12 @@ import numba
 import numpy as np
 import pytest
 
-from fusion.filters.triggers import effective_number, entropy
 from fusion.published.nine_state import motion as k
 from fusion.published.nine_state.protocol import Estimate, Measurement, PredictedMap
 from fusion.published.particle import layout
 from fusion.published.particle.filter import ParticleCloud
 from fusion.published.particle.options import ParticleOptions
+from weight_support import effective_number, entropy
 
 NOTHING = Measurement(np.zeros(9), np.zeros(9))
 MEAN = np.array([0.1, 9.0, 500.0, 0.2, -4.0, -300.0, 0.0, 0.3, 100.0])
