@@ -26,35 +26,31 @@ BOMB_FREE_BYTES = 64 << 20
 GZIP_MAGIC = b"\x1f\x8b"
 TRUNCATED = "gzip truncated: read to the end"
 
-_MAGIC: tuple[tuple[bytes, str], ...] = (
-    (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
-    (b"\xff\xd8\xff", "a JPEG picture"),
-    (b"GIF8", "a GIF picture"),
-    (b"II*\x00", "a TIFF raster"),
-    (b"MM\x00*", "a TIFF raster"),
-    (b"%PDF", "a PDF document"),
-    (b"PK\x03\x04", "a ZIP archive (also .kmz, .xlsx, .docx)"),
-    (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive"),
-    (b"Rar!", "a RAR archive"),
-    (b"BZh", "a bzip2 file"),
-    (b"\x1f\x9d", "a file packed by compress (.Z)"),
-    (b"\xfd7zXZ\x00", "an xz file"),
-    (b"\x28\xb5\x2f\xfd", "a Zstandard file"),
-    (b"SQLite format 3\x00", "an SQLite database"),
-    (b"PAR1", "a Parquet file"),
-    (b"\x7fELF", "a program"),
-    (b"MZ", "a Windows program"),
-    (b"#ROSBAG", "a ROS bag"),
-    (b"\xd4\xc3\xb2\xa1", "a network capture"),
-)
-_AT_OFFSET = (
+_MAGIC: tuple[tuple[int, bytes, str], ...] = (
+    (0, b"\x89PNG\r\n\x1a\n", "a PNG picture"),
+    (0, b"\xff\xd8\xff", "a JPEG picture"),
+    (0, b"GIF8", "a GIF picture"),
+    (0, b"II*\x00", "a TIFF raster"),
+    (0, b"MM\x00*", "a TIFF raster"),
+    (0, b"%PDF", "a PDF document"),
+    (0, b"PK\x03\x04", "a ZIP archive (also .kmz, .xlsx, .docx)"),
+    (0, b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive"),
+    (0, b"Rar!", "a RAR archive"),
+    (0, b"BZh", "a bzip2 file"),
+    (0, b"\x1f\x9d", "a file packed by compress (.Z)"),
+    (0, b"\xfd7zXZ\x00", "an xz file"),
+    (0, b"\x28\xb5\x2f\xfd", "a Zstandard file"),
+    (0, b"SQLite format 3\x00", "an SQLite database"),
+    (0, b"PAR1", "a Parquet file"),
+    (0, b"\x7fELF", "a program"),
+    (0, b"MZ", "a Windows program"),
+    (0, b"#ROSBAG", "a ROS bag"),
+    (0, b"\xd4\xc3\xb2\xa1", "a network capture"),
     (4, b"ftyp", "an MP4 video"),
     (6, b"OSMHeader", "an OpenStreetMap extract"),
 )
-_XML = (
-    (b"kml", "a KML file"),
-    (b"osm", "an OpenStreetMap file"),
-)
+"""By the offset of what tells them."""
+_XML = {b"kml": "a KML file", b"osm": "an OpenStreetMap file"}
 
 
 def load(source: bytes | Path | BinaryIO, max_bytes: int, notes: Notes, progress: Progress) -> bytes:
@@ -188,11 +184,8 @@ def refuse(head: bytes, supported: str) -> UnknownFormatError:
 
 def looks_like(head: bytes) -> str:
     """A noun phrase for what the bytes are, or an empty string."""
-    for magic, what in _MAGIC:
-        if head.startswith(magic):
-            return what
-    for offset, magic, what in _AT_OFFSET:
-        if head[offset : offset + len(magic)] == magic:
+    for offset, magic, what in _MAGIC:
+        if head.startswith(magic, offset):
             return what
     if re.match(rb"#[a-d][PV]\d{4} ", head):
         return "an SP3 file of precise orbits, which no drive needs"
@@ -205,7 +198,7 @@ def _text_kind(head: bytes) -> str:
         return "an HTML page"
     if text.startswith(b"<"):
         root = re.search(rb"<(?:\w+:)?([A-Za-z]\w*)[\s>/]", text)
-        document = dict(_XML).get(root.group(1)) if root else None
+        document = _XML.get(root.group(1)) if root else None
         return document or "an XML file, but neither GPX nor TCX"
     if re.match(rb"[\[{]\s*[\"\]}{\[\d]", text):
         return "a JSON file"

@@ -9,17 +9,9 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from fusion.errors import MalformedLogError
+from fusion.formats import csv_names
 from fusion.formats.base import Notes
-from fusion.formats.csv_names import (
-    DATE,
-    TIME,
-    Cell,
-    Known,
-    known_columns,
-    missing_sentence,
-    taken_sentence,
-    unknown_sentence,
-)
+from fusion.formats.csv_names import DATE, TIME, Cell, Known
 from fusion.registry import LOG_COLUMNS
 
 COLUMNS = LOG_COLUMNS
@@ -124,10 +116,12 @@ def understood_header(data: bytes, schema: Schema) -> tuple[Known, list[str], st
     if schema.understood is not None:
         columns = schema.understood(header, schema)
     else:
-        columns = known_columns(header, schema.columns, schema.named, loose=schema.loose, part=schema.part)
+        columns = csv_names.known_columns(
+            header, schema.columns, schema.named, loose=schema.loose, part=schema.part
+        )
     missing = schema.lacking(columns.cells)
     if missing:
-        raise MalformedLogError(missing_sentence(missing, header, number), where=f"line {number}")
+        raise MalformedLogError(csv_names.missing_sentence(missing, header, number), where=f"line {number}")
     return columns, header, delimiter, number
 
 
@@ -182,7 +176,7 @@ def layout_of(data: bytes, notes: Notes, schema: Schema, *, lines_before: int = 
     """Read the header; raises as ``understood_header``."""
     columns, header, delimiter, number = understood_header(data, schema)
     _, at, line = first_line(data)
-    for sentence in (taken_sentence(columns), unknown_sentence(columns, schema.columns)):
+    for sentence in (csv_names.taken_sentence(columns), csv_names.unknown_sentence(columns, schema.columns)):
         if sentence:
             notes.warn(sentence)
     twice = sorted(

@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from fusion.formats import csv_header
 from fusion.formats.base import (
     Data,
     EitherWay,
@@ -18,15 +19,7 @@ from fusion.formats.base import (
     usable_positions,
 )
 from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_header import (
-    COLUMNS,
-    Schema,
-    from_utf16,
-    layout_of,
-    sections,
-    text_head,
-    understood_header,
-)
+from fusion.formats.csv_header import COLUMNS, Schema
 from fusion.formats.csv_names import GPS_TIME, PRESSURE_OF_VEHICLE, UNSTATED_SPEED
 from fusion.types import (
     AngularRate,
@@ -116,15 +109,15 @@ class NamedColumnsCsv(EitherWay):
 
     def refuse_header(self, head: bytes, *, part: bool) -> None:
         """See ``LogFormat``."""
-        understood_header(text_head(head), self.schema(part=part))
+        csv_header.understood_header(csv_header.text_head(head), self.schema(part=part))
 
     def read(self, data: Data, progress: Progress, *, part: bool = False) -> DriveLog:
         """See ``EitherWay``."""
-        schema, text = self.schema(part=part), from_utf16(bytes(data))
+        schema, text = self.schema(part=part), csv_header.from_utf16(bytes(data))
         notes, unit = Notes(), _SpeedUnit()
         parts: dict[str, list[SensorTable]] = {}
-        for section, before in sections(text, notes):
-            layout = layout_of(section, notes, schema, lines_before=before)
+        for section, before in csv_header.sections(text, notes):
+            layout = csv_header.layout_of(section, notes, schema, lines_before=before)
             for block, share in read_blocks(section, layout, notes):
                 for sensor, table in _assemble(block, unit, notes).items():
                     if len(table):

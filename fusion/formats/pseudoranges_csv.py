@@ -9,17 +9,9 @@ from functools import cache
 import numpy as np
 
 from fusion.errors import EmptyLogError
+from fusion.formats import csv_header
 from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Data, LogFormat, Notes, build_log
 from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_header import (
-    Schema,
-    delimiter_of,
-    first_line,
-    from_utf16,
-    header_cells,
-    layout_of,
-    text_head,
-)
 from fusion.signals import (
     CARRIER_HZ,
     GLONASS,
@@ -57,7 +49,7 @@ def _lacking(header: Collection[str]) -> list[str]:
     return out
 
 
-SCHEMA = Schema(COLUMNS, _lacking, frozenset({"system", "sv"}))
+SCHEMA = csv_header.Schema(COLUMNS, _lacking, frozenset({"system", "sv"}))
 
 
 class PseudorangesCsvFormat(LogFormat):
@@ -77,15 +69,17 @@ class PseudorangesCsvFormat(LogFormat):
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        line = first_line(text_head(head))[2]
-        return PSEUDORANGE.encode() in line.lower() and PSEUDORANGE in header_cells(line, delimiter_of(line))
+        line = csv_header.first_line(csv_header.text_head(head))[2]
+        if PSEUDORANGE.encode() not in line.lower():
+            return False
+        return PSEUDORANGE in csv_header.header_cells(line, csv_header.delimiter_of(line))
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""
         notes = Notes()
-        text = from_utf16(bytes(data))
+        text = csv_header.from_utf16(bytes(data))
         parts: list[dict[str, Floats]] = []
-        for block, share in read_blocks(text, layout_of(text, notes, SCHEMA), notes):
+        for block, share in read_blocks(text, csv_header.layout_of(text, notes, SCHEMA), notes):
             parts.append(_columns(block, notes))
             progress("read rows", share)
         progress("read rows", 1.0)

@@ -16,6 +16,7 @@ from typing import Self
 import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
+from fusion.formats import csv_header
 from fusion.formats.base import (
     MAX_TIME_S,
     MIN_TIME_S,
@@ -27,15 +28,6 @@ from fusion.formats.base import (
     usable_positions,
 )
 from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_header import (
-    Schema,
-    delimiter_of,
-    first_line,
-    from_utf16,
-    header_cells,
-    layout_of,
-    text_head,
-)
 from fusion.formats.csv_names import Known, known_columns
 from fusion.formats.time_texts import of_epoch
 from fusion.types import (
@@ -63,7 +55,7 @@ _LARGEST_KPA = 200.0
 
 def is_sensor_logger(line: bytes) -> bool:
     """Whether a header is that of one of the app's files."""
-    cells = set(header_cells(line[:4096], delimiter_of(line[:4096])))
+    cells = set(csv_header.header_cells(line[:4096], csv_header.delimiter_of(line[:4096])))
     return {"time", "seconds_elapsed"} <= cells or {"device name", "recording time", "platform"} <= cells
 
 
@@ -85,7 +77,7 @@ class SensorLoggerFormat(EitherWay):
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        return is_sensor_logger(first_line(text_head(head))[2])
+        return is_sensor_logger(csv_header.first_line(csv_header.text_head(head))[2])
 
     def with_name(self, name: str) -> Self:
         """See ``LogFormat``."""
@@ -94,8 +86,8 @@ class SensorLoggerFormat(EitherWay):
     def read(self, data: Data, progress: Progress, *, part: bool = False) -> DriveLog:
         """See ``EitherWay``."""
         notes = Notes()
-        text = from_utf16(bytes(data))
-        cells = header_cells(first_line(text)[2], ",")
+        text = csv_header.from_utf16(bytes(data))
+        cells = csv_header.header_cells(csv_header.first_line(text)[2], ",")
         positions = "latitude" in cells and "longitude" in cells
         if not part and not positions:
             raise EmptyLogError(
@@ -124,9 +116,9 @@ class SensorLoggerFormat(EitherWay):
 
 
 def _columns(text: bytes, notes: Notes, progress: Progress) -> tuple[dict[str, Floats], list[Block]]:
-    schema = Schema(_COLUMNS, lambda columns: [], clocks=frozenset(), understood=_understood)
+    schema = csv_header.Schema(_COLUMNS, lambda columns: [], clocks=frozenset(), understood=_understood)
     blocks = []
-    for block, share in read_blocks(text, layout_of(text, notes, schema), notes):
+    for block, share in read_blocks(text, csv_header.layout_of(text, notes, schema), notes):
         blocks.append(block)
         progress("read rows", share)
     progress("read rows", 1.0)
@@ -137,7 +129,7 @@ def _columns(text: bytes, notes: Notes, progress: Progress) -> tuple[dict[str, F
     return {name: col.get(name, np.full(rows, np.nan)) for name in _COLUMNS}, blocks
 
 
-def _understood(header: list[str], schema: Schema) -> Known:
+def _understood(header: list[str], schema: csv_header.Schema) -> Known:
     """The columns by their names; what else the app writes is no reason for a word."""
     columns = known_columns(header, schema.columns, {}, loose=False)
     return Known(columns.cells, (), ())

@@ -197,6 +197,14 @@ def gps_utc_seconds(records: Records) -> Floats:
     return np.asarray(GPS_EPOCH_S + records["week"] * WEEK_S + records["iTOW"] * 1e-3 - records["leapS"])
 
 
+def nearest_offset(offsets: Ints, offset: Ints) -> Ints:
+    """Which of ``offsets``, ascending, is nearest to each ``offset`` (n,)."""
+    after = np.clip(np.searchsorted(offsets, offset), 0, len(offsets) - 1)
+    before = np.maximum(after - 1, 0)
+    nearer = np.abs(offsets[before] - offset) < np.abs(offsets[after] - offset)
+    return np.where(nearer, before, after)
+
+
 class WeekClock:
     """Turns (iTOW, byte offset) into Unix time; without any evidence, in the week of the GPS epoch."""
 
@@ -223,10 +231,7 @@ class WeekClock:
         if not self.dated:
             turned = np.cumsum(np.diff(itow_s, prepend=itow_s[:1]) < -WEEK_S / 2)
             return GPS_EPOCH_S + turned * WEEK_S + itow_s
-        after = np.clip(np.searchsorted(self._offset, offset), 0, len(self._offset) - 1)
-        before = np.maximum(after - 1, 0)
-        nearer = np.abs(self._offset[before] - offset) < np.abs(self._offset[after] - offset)
-        at = np.where(nearer, before, after)
+        at = nearest_offset(self._offset, offset)
         time_s = itow_s + self._difference[at]
         return time_s + WEEK_S * np.round((self._utc_s[at] - time_s) / WEEK_S)
 

@@ -14,17 +14,10 @@ import numpy as np
 
 from fusion.arrays import ColumnTable
 from fusion.formats.base import Data, Notes
+from fusion.formats.receiver import ubx_messages
 from fusion.formats.receiver.time_tags import MEAS_HZ, RAW_HZ, Marks, align
 from fusion.formats.receiver.ubx_frames import Frames
-from fusion.formats.receiver.ubx_messages import (
-    ESF_DATA,
-    ESF_MEAS,
-    ESF_RAW,
-    ESF_STATUS,
-    WHEEL_TICKS,
-    gather,
-    signed_24,
-)
+from fusion.formats.receiver.ubx_messages import gather
 from fusion.types import AngularRate, Bools, Floats, Ints, Odometry, SensorTable, SpecificForce
 
 FORCE = ("acc_x_mps2", "acc_y_mps2", "acc_z_mps2")
@@ -84,7 +77,7 @@ class SensorStatus:
 
 Timed = tuple[Samples, Floats]
 Table = TypeVar("Table", bound=SensorTable)
-_TYPE_OF = {column: data_type for data_type, (column, _) in ESF_DATA.items()}
+_TYPE_OF = {column: data_type for data_type, (column, _) in ubx_messages.ESF_DATA.items()}
 
 
 def sensor_tables(
@@ -102,7 +95,7 @@ def sensor_tables(
     rough = _sound(raw_samples(data, frames), status, notes)
     means = [(s, align(s.tick, s.offset, marks, MEAS_HZ, notes.skipped)) for s in measured]
     raws = [(rough, align(rough.tick, rough.offset, marks, RAW_HZ, notes.skipped))]
-    ticks = sum(int(np.isin(s.data_type, WHEEL_TICKS).sum()) for s, _ in means)
+    ticks = sum(int(np.isin(s.data_type, ubx_messages.WHEEL_TICKS).sum()) for s, _ in means)
     notes.skip("wheel ticks (their number per turn is not known)", ticks)
     if len(rough.tick) + len(measured) and not len(marks.time_s):
         notes.warn("Sensor messages (ESF) are left out: no navigation message tells their time.")
@@ -143,14 +136,14 @@ def _tabulate(table: type[Table], names: tuple[str, ...], sources: list[Timed]) 
     for name, number in zip(names, types, strict=True):
         columns[name] = np.full(len(instants), np.nan)
         mine = data_type == number
-        columns[name][row[mine]] = signed_24(word[mine]) * ESF_DATA[number][1]
+        columns[name][row[mine]] = ubx_messages.signed_24(word[mine]) * ubx_messages.ESF_DATA[number][1]
     return table.assemble(instants, None, **columns)
 
 
 def measurements(data: Data, frames: Frames) -> list[Samples]:
     """The words of all ESF-MEAS messages, one ``Samples`` per sensor id: each has its own counter."""
     parts, ids = [], []
-    mine = frames.kind == ESF_MEAS
+    mine = frames.kind == ubx_messages.ESF_MEAS
     for length in np.unique(frames.length[mine & (frames.length >= 12)]):
         start = frames.start[mine & (frames.length == length)]
         words = (int(length) - 8) // 4
@@ -173,7 +166,7 @@ def measurements(data: Data, frames: Frames) -> list[Samples]:
 def raw_samples(data: Data, frames: Frames) -> Samples:
     """The words of all ESF-RAW messages."""
     parts = [Samples(*[np.empty(0, np.int64)] * 4)]
-    mine = frames.kind == ESF_RAW
+    mine = frames.kind == ubx_messages.ESF_RAW
     for length in np.unique(frames.length[mine & (frames.length >= 12)]):
         start = frames.start[mine & (frames.length == length)]
         words = (int(length) - 4) // 8
@@ -190,7 +183,7 @@ def raw_samples(data: Data, frames: Frames) -> Samples:
 def read_status(data: Data, frames: Frames) -> SensorStatus:
     """The records of all ESF-STATUS messages."""
     parts = [np.empty((0, 5), np.int64)]
-    mine = frames.kind == ESF_STATUS
+    mine = frames.kind == ubx_messages.ESF_STATUS
     for length in np.unique(frames.length[mine & (frames.length >= _HEAD_BYTES + 4)]):
         start = frames.start[mine & (frames.length == length)]
         room = (int(length) - _HEAD_BYTES) // 4

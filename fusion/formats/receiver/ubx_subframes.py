@@ -12,7 +12,7 @@ import numpy as np
 from fusion.formats.base import Notes, Place
 from fusion.formats.receiver.subframes import beidou, glonass, inav, lnav
 from fusion.formats.receiver.subframes.bits import Pages, bits_of
-from fusion.formats.receiver.time_tags import Marks
+from fusion.formats.receiver.time_tags import Marks, nearest_offset
 from fusion.formats.receiver.ubx_messages import Records, gather
 from fusion.formats.receiver.ubx_navigation import Stream, utc_evidence
 from fusion.formats.receiver.ubx_raw import LAST_NUMBER, RAWX, SYSTEM_OF, read_signals
@@ -29,7 +29,7 @@ from fusion.signals import (
     Signals,
     gps_from_unix,
 )
-from fusion.types import Bools, Floats, Ints
+from fusion.types import Bools, Ints
 
 SFRBX = "RXM-SFRBX"
 WRONG_LENGTH = "RXM-SFRBX messages whose number of words does not fit their length"
@@ -70,7 +70,7 @@ def read_subframes(stream: Stream, marks: Marks, notes: Notes) -> Navigation:
     readable = _readable(stream, records, offset, notes)
     records, offset = records[readable], offset[readable]
     system, number = SYSTEM_OF[records["gnssId"]], records["svId"].astype(np.int64)
-    near_s = gps_from_unix(_nearest_mark(marks, offset))
+    near_s = gps_from_unix(marks.time_s[nearest_offset(marks.offset, offset)])
 
     def pages(kind: int) -> Pages:
         mine = (system == kind) & np.isin(records["sigId"], _SIGNALS[kind])
@@ -99,14 +99,6 @@ def _readable(stream: Stream, records: Records, offset: Ints, notes: Notes) -> B
     mine = complete & (system >= 0)
     notes.skip(UNKNOWN_SATELLITE, int(np.count_nonzero(mine & ~numbered)))
     return np.asarray(mine & numbered)
-
-
-def _nearest_mark(marks: Marks, offset: Ints) -> Floats:
-    """The time of the epoch that stands nearest in the file."""
-    after = np.clip(np.searchsorted(marks.offset, offset), 0, len(marks.offset) - 1)
-    before = np.maximum(after - 1, 0)
-    nearer = np.abs(marks.offset[before] - offset) < np.abs(marks.offset[after] - offset)
-    return marks.time_s[np.where(nearer, before, after)]
 
 
 def _possible(states: GlonassEphemerides, notes: Notes) -> GlonassEphemerides:

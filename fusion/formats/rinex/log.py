@@ -52,7 +52,7 @@ class RinexFormat(LogFormat):
         # The service, which only needs to know formats, shall not load a compiler for this one.
         from fusion.formats.rinex.reading import read_file  # noqa: PLC0415
 
-        return read_file(data, progress, navigation, self)
+        return read_file(data, progress, navigation, self, compact=is_compact(bytes(data[:200])))
 
 
 def _first_line(head: bytes) -> bytes:

@@ -17,22 +17,9 @@ from numpy.typing import NDArray
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Notes
+from fusion.formats.rinex import scan
 from fusion.formats.rinex.header import Header
 from fusion.formats.rinex.lines import Lines, seconds_of
-from fusion.formats.rinex.scan import (
-    EPOCHS,
-    LINE,
-    MOST_NUMBERS,
-    PER_LINE_2,
-    ROWS,
-    SHORT,
-    STRAY,
-    Codes,
-    count_codes,
-    scan_2,
-    scan_3,
-    take_values,
-)
 from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,
@@ -151,21 +138,21 @@ def read_observations(
     progress("read observations", 0.4)
     gps_s, good = _epochs(lines, header, rows, notes)
     modern = header.version >= 3
-    lead, per = (3, _ALL_IN_ONE_LINE) if modern else (0, PER_LINE_2)
+    lead, per = (3, _ALL_IN_ONE_LINE) if modern else (0, scan.PER_LINE_2)
     place, factor = (np.array(column) for column in zip(*rows.columns, strict=True))
-    codes = Codes(place, factor, lead, per)
-    counts = np.zeros((len(SYSTEMS) * MOST_NUMBERS, MOST_CODES), np.int64)
+    codes = scan.Codes(place, factor, lead, per)
+    counts = np.zeros((len(SYSTEMS) * scan.MOST_NUMBERS, MOST_CODES), np.int64)
     satellite = np.empty(len(rows.line), np.int64)
     places = (lines.text, lines.start, lines.end, rows.line)
     otherwise = max(GPS, SYSTEMS.find(header.system))  # a name without a letter, in version 2
-    count_codes(*places, rows.name, rows.part, codes, otherwise, counts, satellite)
+    scan.count_codes(*places, rows.name, rows.part, codes, otherwise, counts, satellite)
     progress("read observations", 0.7)
     chosen = np.argmax(counts >= _USUAL_SHARE * counts.max(axis=1, keepdims=True), axis=1)
-    values = take_values(*places, rows.part, codes, satellite, chosen)
+    values = scan.take_values(*places, rows.part, codes, satellite, chosen)
     _count_rows(lines, rows, satellite, values, notes)
     keep = (satellite >= 0) & np.isfinite(values[:, 0]) & good[rows.epoch]
     satellite, values = satellite[keep], values[keep]
-    system, number = satellite // MOST_NUMBERS, satellite % MOST_NUMBERS
+    system, number = satellite // scan.MOST_NUMBERS, satellite % scan.MOST_NUMBERS
     channel = {**channels, **header.channel}
     carrier = frequencies_hz(header.version, system, number, chosen[satellite], channel)
     signals = Signals.assemble(
@@ -183,28 +170,28 @@ def _walk(lines: Lines, header: Header, notes: Notes) -> _Rows:
     n = len(lines)  # no more rows nor epochs than lines
     tables = {name: np.empty(n, np.int64) for name in ("epoch_line", "line", "epoch", "name", "part")}
     rows = _Rows(**tables, columns=[columns_of(header)])
-    rows.state[LINE] = header.lines
+    rows.state[scan.LINE] = header.lines
     for _event in range(MOST_EVENTS):
-        before = rows.state[ROWS]
+        before = rows.state[scan.ROWS]
         count = _scan(lines, header, rows)
-        rows.part[before : rows.state[ROWS]] = len(rows.columns) - 1
+        rows.part[before : rows.state[scan.ROWS]] = len(rows.columns) - 1
         if count < 0:
             break
         _take_event(lines, header, rows, count)
     else:
         raise MalformedLogError(
             f"This RINEX file has over {MOST_EVENTS} headers in mid-file. Export it again without them.",
-            where=f"line {rows.state[LINE] + 1}",
+            where=f"line {rows.state[scan.LINE] + 1}",
         )
-    row_count = rows.state[ROWS]
-    rows.epoch_line = rows.epoch_line[: rows.state[EPOCHS]]
+    row_count = rows.state[scan.ROWS]
+    rows.epoch_line = rows.epoch_line[: rows.state[scan.EPOCHS]]
     for name in ("line", "epoch", "name", "part"):
         setattr(rows, name, getattr(rows, name)[:row_count])
     if header.version >= 3:
         rows.name = lines.start[rows.line]
-    notes.skip("lines of no epoch", int(rows.state[STRAY]))
-    notes.skip("epochs with fewer lines than they announce", int(rows.state[SHORT]))
-    if rows.state[SHORT]:
+    notes.skip("lines of no epoch", int(rows.state[scan.STRAY]))
+    notes.skip("epochs with fewer lines than they announce", int(rows.state[scan.SHORT]))
+    if rows.state[scan.SHORT]:
         notes.warn(
             "Some epochs have fewer lines than they announce, as at the end of a file that is not whole."
         )
@@ -214,20 +201,20 @@ def _walk(lines: Lines, header: Header, notes: Notes) -> _Rows:
 def _scan(lines: Lines, header: Header, rows: _Rows) -> int:
     places = (lines.text, lines.start, lines.end, rows.state)
     if header.version >= 3:
-        return int(scan_3(*places, rows.epoch_line, rows.line, rows.epoch))
-    per = max(1, -(-len(header.types.get(" ", [])) // PER_LINE_2))
-    return int(scan_2(*places, per, rows.epoch_line, rows.line, rows.epoch, rows.name))
+        return int(scan.scan_3(*places, rows.epoch_line, rows.line, rows.epoch))
+    per = max(1, -(-len(header.types.get(" ", [])) // scan.PER_LINE_2))
+    return int(scan.scan_2(*places, per, rows.epoch_line, rows.line, rows.epoch, rows.name))
 
 
 def _take_event(lines: Lines, header: Header, rows: _Rows, count: int) -> None:
     """Read the header lines of an event, and go on behind them; another epoch among them ends them."""
-    at = int(rows.state[LINE]) + 1
+    at = int(rows.state[scan.LINE]) + 1
     stop = min(at + count, len(lines))
     before = {system: list(types) for system, types in header.types.items()}
     while at < stop and not (header.version >= 3 and lines.line(at).startswith(">")):
         header.take(lines.line(at))
         at += 1
-    rows.state[LINE] = at
+    rows.state[scan.LINE] = at
     if header.types != before:
         rows.columns.append(columns_of(header))
 

@@ -18,7 +18,6 @@ from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log
 from fusion.formats.rinex.header import Header, read_header
 from fusion.formats.rinex.lines import Lines, split_lines
-from fusion.formats.rinex.log import is_compact
 from fusion.formats.rinex.navigation import read_navigation
 from fusion.formats.rinex.observations import read_observations
 from fusion.signals import SYSTEMS, Navigation, RawGnss
@@ -27,11 +26,13 @@ from fusion.types import DriveLog, Progress
 ADVICE = "Check that the receiver writes pseudoranges on L1, E1 or B1 and upload the recording again."
 
 
-def read_file(data: Data, progress: Progress, navigation: Navigation, kind: LogFormat) -> DriveLog:
+def read_file(
+    data: Data, progress: Progress, navigation: Navigation, kind: LogFormat, *, compact: bool
+) -> DriveLog:
     """A file of observations or of navigation data; ``navigation`` is what other files of the drive say."""
     notes = Notes()
     text = bytes(data)
-    if is_compact(text[:200]):
+    if compact:
         text = unpack(text, notes)
     lines = split_lines(text)
     header = read_header(lines)

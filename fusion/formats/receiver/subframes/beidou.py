@@ -10,20 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from fusion.formats.base import Notes
-from fusion.formats.receiver.subframes.bits import (
-    SEMICIRCLE,
-    Layout,
-    Pages,
-    complete_sets,
-    count,
-    dated,
-    ephemerides,
-    numbers,
-    read,
-    read_sets,
-    signed,
-    user_range_accuracy_m,
-)
+from fusion.formats.receiver.subframes import bits
+from fusion.formats.receiver.subframes.bits import SEMICIRCLE, Layout, Pages, count, signed
 from fusion.signals import BEIDOU, BEIDOU_LATE_S, BEIDOU_WEEK_0, WEEK_S, KeplerEphemerides
 from fusion.types import Bools, Floats, Ints
 
@@ -121,8 +109,8 @@ def _read_d1(pages: Pages, notes: Notes) -> KeplerEphemerides:
     orbit = subframe < 4
     pages, sent_s, subframe = pages.take(orbit), sent_s[orbit], subframe[orbit]
     frame = (sent_s - SUBFRAME_S * (subframe - 1)).astype(np.int64)
-    rows = complete_sets(pages.number, subframe, frame, sent_s, (1, 2, 3), 5 * SUBFRAME_S, notes)
-    values = read_sets(pages.bits, rows, D1.values())
+    rows = bits.complete_sets(pages.number, subframe, frame, sent_s, (1, 2, 3), 5 * SUBFRAME_S, notes)
+    values = bits.read_sets(pages.bits, rows, D1.values())
     values["toe"] = values["toe_high"] + values["toe_low"]
     return _ephemerides(values, pages.number[rows[:, 0]], sent_s[rows[:, 0]], notes)
 
@@ -130,26 +118,26 @@ def _read_d1(pages: Pages, notes: Notes) -> KeplerEphemerides:
 def _read_d2(pages: Pages, notes: Notes) -> KeplerEphemerides:
     """Ephemerides of the pages of subframe 1."""
     pages, sent_s, subframe = _dated(pages, notes)
-    page = numbers(pages.bits, PAGE)
+    page = bits.numbers(pages.bits, PAGE)
     orbit = (subframe == 1) & np.isin(page, _D2_PAGES)
     pages, sent_s, page = pages.take(orbit), sent_s[orbit], page[orbit]
     frame = (sent_s - PAGE_S * (page - 1)).astype(np.int64)
-    rows = complete_sets(pages.number, page, frame, sent_s, _D2_PAGES, 10 * PAGE_S, notes)
+    rows = bits.complete_sets(pages.number, page, frame, sent_s, _D2_PAGES, 10 * PAGE_S, notes)
     rows = np.insert(rows, 1, rows[:, 0], axis=1)  # in the place of page 2, which nothing is read from
-    values = read(pages.bits[rows].reshape(len(rows), 10 * BITS), D2)
+    values = bits.read(pages.bits[rows].reshape(len(rows), 10 * BITS), D2)
     return _ephemerides(values, pages.number[rows[:, 0]], sent_s[rows[:, 0]], notes)
 
 
 def _dated(pages: Pages, notes: Notes) -> tuple[Pages, Floats, Ints]:
     """The sound subframes, when they were sent (GPS seconds), and which they are."""
-    head = read(pages.bits, HEAD)
+    head = bits.read(pages.bits, HEAD)
     own_s = np.where(head["sow"] < WEEK_S, head["sow"] + BEIDOU_LATE_S, np.nan)
-    return dated(pages, head, PREAMBLE, own_s, NO_HEAD, notes)
+    return bits.dated(pages, head, PREAMBLE, own_s, NO_HEAD, notes)
 
 
 def _ephemerides(values: dict[str, Floats], number: Ints, sent_s: Floats, notes: Notes) -> KeplerEphemerides:
     week = np.floor((sent_s - BEIDOU_LATE_S) / WEEK_S) - BEIDOU_WEEK_0
     values["healthy"] = values["health"] == 0
-    values["accuracy_m"] = user_range_accuracy_m(values["accuracy_index"])
+    values["accuracy_m"] = bits.user_range_accuracy_m(values["accuracy_index"])
     of_week = week % 8192 == values["week"]
-    return ephemerides(BEIDOU, number, sent_s, values, of_week, notes, late_s=BEIDOU_LATE_S)
+    return bits.ephemerides(BEIDOU, number, sent_s, values, of_week, notes, late_s=BEIDOU_LATE_S)

@@ -13,20 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.formats.base import DAY_S, Notes
-from fusion.formats.receiver.subframes.bits import (
-    NOT_THEN,
-    Bits,
-    Field,
-    Layout,
-    Pages,
-    complete_sets,
-    count,
-    in_time,
-    magnitude,
-    nearest,
-    numbers,
-    read,
-)
+from fusion.formats.receiver.subframes import bits
+from fusion.formats.receiver.subframes.bits import Bits, Field, Layout, Pages, count, magnitude
 from fusion.signals import GLONASS_AHEAD_S, GlonassEphemerides, gps_from_unix, unix_from_gps
 from fusion.types import Bools, Floats
 
@@ -74,12 +62,12 @@ def read_strings(pages: Pages, notes: Notes) -> GlonassEphemerides:
     """States of strings (n, 128 bits): 85, padding to 96, and the frame's number."""
     wrong = (check_bits(pages.bits) != pages.bits[:, 77:85]).any(axis=1)
     pages = pages.take(notes.sift(((WRONG_CODE, wrong),)))
-    string = numbers(pages.bits, STRING)
+    string = bits.numbers(pages.bits, STRING)
     orbit = (string > 0) & (string < 5)
     pages, string = pages.take(orbit), string[orbit]
-    frame = numbers(pages.bits, FRAME)
-    rows = complete_sets(pages.number, string, frame, pages.near_s, (1, 2, 3, 4), _SAME_FRAME_S, notes)
-    values = [read(pages.bits[rows[:, k]], layout) for k, layout in enumerate(PARTS.values())]
+    frame = bits.numbers(pages.bits, FRAME)
+    rows = bits.complete_sets(pages.number, string, frame, pages.near_s, (1, 2, 3, 4), _SAME_FRAME_S, notes)
+    values = [bits.read(pages.bits[rows[:, k]], layout) for k, layout in enumerate(PARTS.values())]
     number, near_s = pages.number[rows[:, 0]], pages.near_s[rows[:, 0]]
     moscow_s, fits = _moscow(values, near_s, notes)
     same = (values[3]["slot"] == number) | (
@@ -108,10 +96,10 @@ def _moscow(values: list[dict[str, Floats]], near_s: Floats, notes: Notes) -> tu
     """The states' times in Moscow's Unix seconds, and which of them agree with the epochs and with their own date."""
     moscow_s = unix_from_gps(near_s) + GLONASS_AHEAD_S
     clock_s = 3600 * values[0]["hour"] + 60 * values[0]["minute"] + 30 * values[0]["half"]
-    fits = in_time(nearest(moscow_s, clock_s, DAY_S), moscow_s, notes)
-    state_s = nearest(moscow_s, QUARTER_S * values[1]["quarter"], DAY_S)
+    fits = bits.in_time(bits.nearest(moscow_s, clock_s, DAY_S), moscow_s, notes)
+    state_s = bits.nearest(moscow_s, QUARTER_S * values[1]["quarter"], DAY_S)
     of_day = (values[3]["day"] == day_of_four_years(state_s)) & (values[1]["quarter"] < 96)
-    notes.skip(NOT_THEN, int(np.count_nonzero(fits & ~of_day)))
+    notes.skip(bits.NOT_THEN, int(np.count_nonzero(fits & ~of_day)))
     return state_s, np.asarray(fits & of_day)
 
 

@@ -9,20 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from fusion.formats.base import Notes
-from fusion.formats.receiver.subframes.bits import (
-    SEMICIRCLE,
-    Layout,
-    Pages,
-    complete_sets,
-    count,
-    dated,
-    ephemerides,
-    numbers,
-    read,
-    read_sets,
-    signed,
-    user_range_accuracy_m,
-)
+from fusion.formats.receiver.subframes import bits
+from fusion.formats.receiver.subframes.bits import SEMICIRCLE, Layout, Pages, count, signed
 from fusion.signals import GPS, WEEK_S, KeplerEphemerides
 from fusion.types import Ints
 
@@ -87,32 +75,32 @@ IONOSPHERE: Layout = {
 
 def read_lnav(pages: Pages, system: int, notes: Notes) -> tuple[KeplerEphemerides, tuple[float, ...] | None]:
     """Ephemerides, and of GPS the last ionosphere (alpha 0..3, beta 0..3) that was sent."""
-    head = read(pages.bits, HEAD)
+    head = bits.read(pages.bits, HEAD)
     own_s = np.where(head["count"] * SUBFRAME_S < WEEK_S, (head["count"] - 1) * SUBFRAME_S, np.nan)
-    pages, sent_s, subframe = dated(pages, head, PREAMBLE, own_s, NO_HEAD, notes)
+    pages, sent_s, subframe = bits.dated(pages, head, PREAMBLE, own_s, NO_HEAD, notes)
     ionosphere = _ionosphere(pages.take(subframe == 4)) if system == GPS else None
     orbit = subframe < 4
     pages, sent_s, subframe = pages.take(orbit), sent_s[orbit], subframe[orbit]
-    issue, health = _issue(pages, subframe), numbers(pages.bits, PARTS[1]["health"]) + 1
+    issue, health = _issue(pages, subframe), bits.numbers(pages.bits, PARTS[1]["health"]) + 1
     status = np.where(subframe == 1, health, 0)
-    rows = complete_sets(pages.number, subframe, issue, sent_s, (1, 2, 3), _SAME_ISSUE_S, notes, status)
-    values = read_sets(pages.bits, rows, PARTS.values())
+    rows = bits.complete_sets(pages.number, subframe, issue, sent_s, (1, 2, 3), _SAME_ISSUE_S, notes, status)
+    values = bits.read_sets(pages.bits, rows, PARTS.values())
     sent_s = sent_s[rows[:, 0]]
     of_week = np.floor(sent_s / WEEK_S) % 1024 == values["week"]
     values["healthy"] = values["health"] == 0
-    values["accuracy_m"] = user_range_accuracy_m(values["accuracy_index"])
-    return ephemerides(system, pages.number[rows[:, 0]], sent_s, values, of_week, notes), ionosphere
+    values["accuracy_m"] = bits.user_range_accuracy_m(values["accuracy_index"])
+    return bits.ephemerides(system, pages.number[rows[:, 0]], sent_s, values, of_week, notes), ionosphere
 
 
 def _issue(pages: Pages, subframe: Ints) -> Ints:
     """The issue that each subframe names: the lower eight bits of IODC in the first, IODE in the others."""
-    clock = numbers(pages.bits, PARTS[1]["issue_of_clock"]) & 0xFF
-    second, third = (numbers(pages.bits, PARTS[k]["issue"]) for k in (2, 3))
+    clock = bits.numbers(pages.bits, PARTS[1]["issue_of_clock"]) & 0xFF
+    second, third = (bits.numbers(pages.bits, PARTS[k]["issue"]) for k in (2, 3))
     return np.select([subframe == 1, subframe == 2], [clock, second], third)
 
 
 def _ionosphere(pages: Pages) -> tuple[float, ...] | None:
-    values = read(pages.bits, IONOSPHERE)
+    values = bits.read(pages.bits, IONOSPHERE)
     at = np.flatnonzero(values.pop("page") == IONOSPHERE_PAGE)
     if not len(at):
         return None

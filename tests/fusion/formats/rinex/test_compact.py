@@ -13,6 +13,7 @@ import pytest
 from fusion.errors import LogError, MalformedLogError
 from fusion.formats import read_log
 from fusion.formats.rinex import reading as compact
+from fusion.formats.rinex.log import is_compact
 from fusion.simulate.write import rinex_file
 from gnss_tables import agree, some_signals
 
@@ -29,8 +30,8 @@ def program(folder: Path, script: str) -> Path:
 
 
 def test_it_holds_what_the_plain_file_does() -> None:
-    assert compact.is_compact(PACKED)
-    assert not compact.is_compact(TEXT)
+    assert is_compact(PACKED)
+    assert not is_compact(TEXT)
     plain, packed = read_log(TEXT).raw, read_log(PACKED).raw
     assert plain is not None
     assert packed is not None
