@@ -40,7 +40,6 @@ SQL_PLACES = {
         "core/telemetry/ledger.py",
         "drives/batches/removing_store.py",
         "drives/batches/store.py",
-        "drives/endings.py",
         "drives/queue.py",
         "drives/batches/selection.py",
         "drives/batches/touched.py",

@@ -1,6 +1,11 @@
 """What a worker writes of a drive that it has claimed: nothing once another run has it, or its result is complete.
 
 Queued drives are claimed by a generation (``mark_running``); whoever asks for one anew takes it away by the next.
+
+Drives are done when they are published, and deleted when nothing of them is left on the map. Both wait for marks
+(``app.network.marks``). A cell that no solver can solve keeps no drive from being done: the rest of it is published,
+and its document names the cell for as long as that is so (``app.drives.store``). It does keep a removed drive, whose
+row is what tells that something of it is still shown. Callers own the transaction (``app.drives.publishing``).
 """
 
 from __future__ import annotations
@@ -8,7 +13,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Mapping
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
@@ -18,9 +23,15 @@ from app.core.telemetry.logs import reason_text
 from app.core.version import code_version
 from app.drives.documents import Drive
 from app.drives.store import changed, get_drive, json_text
+from app.network.marks import GIVEN_UP
 
 PUBLISHING_PROGRESS = 0.97
 """Of a drive that waits for its cells to be solved."""
+
+_WHERE_CLAIMED = """
+    WHERE id = :id AND generation = :generation AND status = 'running' AND stage IS DISTINCT FROM 'publishing'
+"""
+"""What a worker writes while it runs: nothing once the drive is no longer its own, or has said all."""
 
 # A running drive may be claimed as well: its worker may have died and its job have come back. Not one that has said
 # all: it only waits to be published.
@@ -32,49 +43,29 @@ _CLAIM = text(
         AND stage IS DISTINCT FROM 'publishing' RETURNING id
     """
 )
-
-# What a worker writes while it runs: nothing once the drive is no longer its own, or has said all.
-_SET_PROGRESS = text(
-    """
-    UPDATE drives SET stage = :stage, progress = :progress
-    WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
-)
+_SET_PROGRESS = text(f"UPDATE drives SET stage = :stage, progress = :progress {_WHERE_CLAIMED} RETURNING id")  # noqa: S608
 _PUT_BACK = text(
-    """
-    UPDATE drives SET status = 'queued', stage = NULL, progress = 0
-    WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
+    f"UPDATE drives SET status = 'queued', stage = NULL, progress = 0 {_WHERE_CLAIMED} RETURNING id"  # noqa: S608
 )
 _FAIL = text(
-    """
+    f"""
     UPDATE drives
     SET status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
         failure_version = :version, finished_at = clock_timestamp()
-    WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
+    {_WHERE_CLAIMED} RETURNING id
+    """  # noqa: S608 - a constant
 )
 
 # Also of a drive that then finds no roads: by it new ones find the drive.
 _SET_BOUNDS = text(
-    """
-    UPDATE drives SET bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326)
-    WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
+    f"""
+    UPDATE drives SET bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326) {_WHERE_CLAIMED} RETURNING id
+    """  # noqa: S608 - a constant
 )
 
 # The end of a run: the row is locked first, so that it is still the worker's when its result is written. Tables that
 # refer to it may be written meanwhile.
-_LOCK_RUNNING = text(
-    """
-    SELECT id FROM drives WHERE id = :id AND generation = :generation AND status = 'running'
-        AND stage IS DISTINCT FROM 'publishing' FOR NO KEY UPDATE
-    """
-)
+_LOCK_RUNNING = text(f"SELECT id FROM drives {_WHERE_CLAIMED} FOR NO KEY UPDATE")  # noqa: S608 - a constant
 _SET_PUBLISHING = text(
     """
     UPDATE drives
@@ -82,6 +73,44 @@ _SET_PUBLISHING = text(
         report = CAST(:report AS jsonb), bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326),
         epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time, computed_at = clock_timestamp()
     WHERE id = :id
+    """
+)
+
+# What no mark waits for any more, but in cells that solvers have given up; another worker may be about
+# to say so, too.
+_PUBLISHED = text(
+    """
+    SELECT d.id, d.report, d.method, d.distance_m,
+           CAST(greatest(extract(epoch FROM clock_timestamp() - d.computed_at), 0) AS float8) AS waited_s
+    FROM drives AS d
+    WHERE d.status = 'running' AND d.stage = 'publishing' AND NOT EXISTS (
+        SELECT FROM network_marks AS m
+        WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries < :given_up)
+    ORDER BY d.created_at, d.id FOR NO KEY UPDATE OF d SKIP LOCKED
+    """
+)
+_FINISH = text(
+    """
+    UPDATE drives SET status = 'done', stage = NULL, progress = 1, finished_at = clock_timestamp() WHERE id = :id
+    """
+)
+
+_LOCK_CANCELLED = text(
+    """
+    SELECT id FROM drives WHERE id = :id AND generation = :generation AND status = 'cancelled' AND stage IS NULL
+    FOR NO KEY UPDATE
+    """
+)
+_SET_REMOVING = text("UPDATE drives SET stage = 'removing' WHERE id = :id RETURNING blob_key")
+_REMOVED = text(
+    """
+    DELETE FROM drives WHERE id IN (
+        SELECT d.id FROM drives AS d
+        WHERE d.status = 'cancelled' AND d.stage = 'removing' AND NOT EXISTS (
+            SELECT FROM network_marks AS m WHERE m.drive_id = d.id AND m.generation = d.generation)
+        FOR UPDATE OF d SKIP LOCKED)
+    RETURNING id, blob_key, CASE WHEN bounds IS NOT NULL
+        THEN ARRAY[ST_XMin(bounds), ST_YMin(bounds), ST_XMax(bounds), ST_YMax(bounds)] END AS bbox
     """
 )
 
@@ -153,3 +182,49 @@ def mark_publishing(
         "drive_time": drive_time,
     }
     session.execute(_SET_PUBLISHING, {"id": drive_id, "progress": PUBLISHING_PROGRESS, **box, **results})
+
+
+class Published(NamedTuple):
+    """A drive whose cells are all solved, or given up for now."""
+
+    id: uuid.UUID
+    report: dict[str, Any]
+    method: str
+    distance_m: float | None
+    waited_s: float | None
+    """For them; None where it was computed by code that did not note when."""
+
+
+def published_drives(session: Session) -> list[Published]:
+    """The drives that wait for no cell any more. Their rows are held."""
+    return [Published(*row) for row in session.execute(_PUBLISHED, {"given_up": GIVEN_UP})]
+
+
+def mark_done(session: Session, drive_id: uuid.UUID) -> None:
+    """End a drive whose row is held as done."""
+    session.execute(_FINISH, {"id": drive_id})
+
+
+def lock_cancelled(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
+    """Hold the row of a drive that is to be removed; False when that is no longer so, or done."""
+    return changed(session, _LOCK_CANCELLED, {"id": drive_id, "generation": generation})
+
+
+def mark_removing(session: Session, drive_id: uuid.UUID) -> str:
+    """All that the drive said is taken back; its row goes once its cells are solved without it. The key of its blob,
+    which nobody needs any more."""
+    blob_key: str = session.execute(_SET_REMOVING, {"id": drive_id}).scalar_one()
+    return blob_key
+
+
+class Removed(NamedTuple):
+    """A drive that is gone: where its blob was, and where it had driven (degrees; None: it was never known)."""
+
+    id: uuid.UUID
+    blob_key: str
+    bbox: Bounds | None
+
+
+def delete_removed(session: Session) -> list[Removed]:
+    """Delete the rows of drives of which nothing is left on the map."""
+    return [Removed(*row) for row in session.execute(_REMOVED)]

@@ -7,21 +7,25 @@ For a drive, which publishes the result (``app.drives.process``), and for a tria
 from __future__ import annotations
 
 import logging
+import uuid
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
-from app.core.telemetry.logs import tell
+from app.core.telemetry.events import Stages
+from app.core.telemetry.logs import blanked, tell
 from app.core.version import code_version
-from app.drives.faults import NoRoadsError, ProcessingError
-from app.drives.progress import RunProgress
+from app.drives.documents import Drive
+from app.drives.trials.documents import Trial
 from app.jobs.context import JobContext
+from app.jobs.memory import MORE_MEMORY
 from app.network.extracts import Roads, roads_in
 from app.roads import store as road_store
 from app.terrain import store as dem
 from app.terrain.heights import open_dem
 from app.terrain.store import DemSet
+from fusion.errors import FusionError
 from fusion.formats import read_log
 from fusion.gnss.positioning import Positioned
 from fusion.methods.base import DriveResult
@@ -38,6 +42,66 @@ Computing = Callable[[], AbstractContextManager[None]]
 """To be held around the computation proper (``app.jobs.task.Work``)."""
 
 
+PARTS = {
+    "reading": (0.0, 0.1),
+    "positioning": (0.1, 0.3),
+    "roads": (0.3, 0.35),
+    "estimating": (0.35, 0.95),
+    "saving": (0.95, 1.0),
+}
+"""The parts of a run and the shares of the whole at which they begin and end."""
+
+
+class ProcessingError(FusionError):
+    """The service, not the log, is the reason that a drive fails."""
+
+    kind = "processing-failed"
+
+
+class NoRoadsError(ProcessingError):
+    """There are no roads at all yet."""
+
+    kind = "no-roads"
+
+
+class Fault(NamedTuple):
+    """The kind of a failure, its reason, and the line, byte or field at fault."""
+
+    kind: str
+    reason: str
+    where: str | None = None
+
+
+class RunProgress:
+    """How far a run of a drive, or of a trial of it, is; ``show`` shows a stage and the share of the whole, 0..1."""
+
+    def __init__(self, show: Callable[[str, float], object], stages: Stages | None = None) -> None:
+        """``stages`` measures how long each part takes."""
+        self._show, self._stages = show, stages
+        self._share = 0.0
+        self.stage = "reading"
+
+    def part(self, part: str) -> Callable[[str, float], None]:
+        """A ``Progress`` for one part of the run; it names its own stages and counts from 0 to 1."""
+        start, end = PARTS[part]
+
+        def progress(stage: str, share: float) -> None:
+            self.show(stage, start + (end - start) * min(max(share, 0.0), 1.0))
+
+        return progress
+
+    def begin(self, part: str) -> None:
+        """A part of the run begins."""
+        if self._stages is not None:
+            self._stages.begin(part)
+        self.show(part, PARTS[part][0])
+
+    def show(self, stage: str, share: float) -> None:
+        """Show stage and share (it never falls); raises when the run is to end."""
+        self.stage, self._share = stage, max(self._share, min(share, 1.0))
+        self._show(stage, self._share)
+
+
 @dataclass(frozen=True)
 class Surroundings:
     """Roads and elevation around a log, as they were at one moment."""
@@ -50,22 +114,6 @@ class Surroundings:
     def dem_version_id(self) -> int | None:
         """Of the elevation; None where there is none."""
         return None if self.dem is None else self.dem.version_id
-
-
-class Asked(Protocol):
-    """A log and how it is to be computed: of a drive, or of a trial of one."""
-
-    @property
-    def blob_key(self) -> str:
-        """Of the log."""
-
-    @property
-    def method(self) -> str:
-        """The estimator."""
-
-    @property
-    def options(self) -> Mapping[str, Any]:
-        """Those of its options that are not the defaults."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +134,7 @@ class Computed:
 
 def compute(
     context: JobContext,
-    asked: Asked,
+    asked: Drive | Trial,
     run: RunProgress,
     computing: Computing,
     located: Callable[[DriveLog], None],
@@ -149,7 +197,9 @@ def surroundings_of(context: JobContext, log: DriveLog) -> Surroundings:
         return Surroundings(roads, version.id, dem.current_dem(session, context.dem_dir))
 
 
-def estimate(positioned: Positioned, around: Surroundings, asked: Asked, progress: Progress) -> Computed:
+def estimate(
+    positioned: Positioned, around: Surroundings, asked: Drive | Trial, progress: Progress
+) -> Computed:
     """The result on these roads. Writes nothing."""
     with ExitStack() as stack:
         terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
@@ -163,3 +213,19 @@ def estimate(positioned: Positioned, around: Surroundings, asked: Asked, progres
         )
     ids = around.roads.ids[rows_of(around.roads.table, network.table)]
     return Computed(positioned.log, around, ids, network.table, result)
+
+
+def fault_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Fault:
+    """What is said of an error in a run of ``what`` (drive, trial); what is the service's fault is logged as well."""
+    if isinstance(error, FusionError):
+        return Fault(error.kind, blanked(str(error)), error.where)
+    if isinstance(error, MemoryError):
+        logger.error("%s %s: out of memory in stage %s", what, number, stage)
+        reason = f"The drive needs {MORE_MEMORY}. Split the log into shorter drives."
+        return Fault("out-of-memory", reason)
+    logger.error("%s %s failed unexpectedly in stage %s", what, number, stage, exc_info=error)
+    return Fault(
+        "internal",
+        f"Processing failed in stage '{stage}' by a fault of the service, not of the log "
+        f"({type(error).__name__}). It is in the worker's log under the {what}'s id; ask the operator.",
+    )

@@ -8,6 +8,7 @@ when the drive was deleted or asked for anew meanwhile, the result is discarded.
 from __future__ import annotations
 
 import logging
+import re
 import uuid
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -17,28 +18,21 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
+from sqlalchemy.orm import Session
 
 from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
 from app.core.db import Sessions
 from app.core.telemetry import tracing
 from app.core.telemetry.events import Stages
 from app.core.telemetry.logs import about, tell
+from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
 from app.core.version import code_version
 from app.drives import claims, publishing, queue, tracks
-from app.drives.computing import Computed, Computing, compute
+from app.drives.computing import Computed, Computing, RunProgress, compute, fault_of
 from app.drives.documents import Drive
-from app.drives.faults import fault_of
-from app.drives.progress import (
-    RunProgress,
-    shown_on,
-    tell_discarded,
-    tell_failed,
-    tell_put_back,
-    tell_started,
-)
 from app.jobs.context import JobContext
 from app.jobs.requests.pieces import never
-from app.jobs.requests.run import Discarded
+from app.jobs.requests.run import Discarded, Progress
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
 from app.network.cells import road_states
@@ -51,6 +45,12 @@ from fusion.pipeline import LAG_ROUNDS, factors_for_lag, parse_options
 from fusion.types import DriveLog, Ints
 
 logger = logging.getLogger(__name__)
+
+
+FAULTS = frozenset({"internal", "out-of-memory", "interrupted"})
+"""Kinds of failures that are not the log's: to be seen to."""
+SHORTEST_NAME = 4
+"""Names of files that are no words of a reason."""
 
 
 class Outcome(Enum):
@@ -86,9 +86,13 @@ def process_drive(
         if drive is None:
             tell(logger, "drive skipped", reason="deleted, ended or asked for anew since")
             return Outcome.DISCARDED
-        tell_started(drive)
+        _tell_started(drive)
+
+        def show(session: Session, stage: str | None, share: float) -> bool:
+            return claims.set_progress(session, drive.id, drive.generation, str(stage), share)
+
         stages = Stages(drive.method)
-        run = RunProgress(shown_on(context.sessions, drive, should_stop), stages)
+        run = RunProgress(Progress(context.sessions, should_stop, show).show, stages)
         with tracing.span("drive", parent=drive.traceparent, method=drive.method) as span:
             try:
                 outcome = _attempt(context, drive, run, stages, computing, behind=behind)
@@ -106,12 +110,12 @@ def _attempt(
     try:
         _run(context, drive, run, stages, computing, behind=behind)
     except Discarded:
-        tell_discarded(drive)
-        return Outcome.DISCARDED
+        return _discarded(drive)
     except Interrupted:
         with context.sessions.begin() as session:
             claims.mark_queued(session, drive.id, drive.generation)
-        tell_put_back(drive, run.stage)
+        DRIVES_PUT_BACK.count(drive.method, "stopped")
+        tell(logger, "drive put back", reason="the worker stops", stage=run.stage)
         raise
     except Exception as error:
         stages.end(error)
@@ -130,7 +134,7 @@ def give_up(context: JobContext, drive_id: uuid.UUID, generation: int, kind: str
         if claims.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None):
             announce_drive(session, DRIVE_FAILED, drive_id, {"kind": kind, "reason": reason})
     with about(drive=drive_id):
-        tell_failed(drive, kind, reason, None)
+        _tell_failed(drive, kind, reason, None)
 
 
 def _run(
@@ -233,7 +237,31 @@ def _fail(context: JobContext, drive: Drive, stage: str, error: Exception) -> Ou
         if mine:
             announce_drive(session, DRIVE_FAILED, drive.id, {"kind": kind, "reason": reason})
     if not mine:
-        tell_discarded(drive)
-        return Outcome.DISCARDED
-    tell_failed(drive, kind, reason, stage)
+        return _discarded(drive)
+    _tell_failed(drive, kind, reason, stage)
     return Outcome.FAILED
+
+
+def _tell_started(drive: Drive) -> None:
+    """A worker has begun with the drive."""
+    waited_s = 0.0 if drive.started_at is None else (drive.started_at - drive.queued_at).total_seconds()
+    QUEUED_S.observe(waited_s)
+    tell(logger, "drive started", method=drive.method, bytes=drive.size_bytes, waited_s=waited_s)
+    tell(logger, "drive's file", level=logging.DEBUG, filename=drive.filename)
+
+
+def _discarded(drive: Drive) -> Outcome:
+    """What was computed is unwanted."""
+    DRIVES_PUT_BACK.count(drive.method, "discarded")
+    tell(logger, "drive discarded", reason="deleted or asked for anew while it was computed")
+    return Outcome.DISCARDED
+
+
+def _tell_failed(drive: Drive, kind: str, reason: str, stage: str | None) -> None:
+    """It ended without a result: a log that cannot be used is news, a fault of the service an error."""
+    DRIVES_FAILED.count(drive.method, kind)
+    for name in drive.filename.split(", "):  # it may be somebody's
+        if len(name) >= SHORTEST_NAME:
+            reason = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "(file)", reason)
+    level = logging.ERROR if kind in FAULTS else logging.INFO
+    tell(logger, "drive failed", level=level, method=drive.method, kind=kind, stage=stage, reason=reason)

@@ -19,7 +19,7 @@ from app.core.db import Bounds, Sessions
 from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
 from app.core.telemetry.measures import DRIVES_DONE, STAGE_S
-from app.drives import endings, queue
+from app.drives import claims, queue
 from app.drives.batches.store import fold_counts
 from app.exports import store as exports
 from app.map.derived import following
@@ -128,16 +128,16 @@ def finish(sessions: Sessions, blobs: BlobStore) -> int:
     Done are also those of which only marks in cells are left that no solver can solve.
     """
     with sessions.begin() as session:
-        published = endings.published_drives(session)
+        published = claims.published_drives(session)
         for drive in published:
-            endings.mark_done(session, drive.id)
+            claims.mark_done(session, drive.id)
             facts = {"method": drive.method, "segments": drive.report.get("segments_estimated")}
             announce_drive(session, DRIVE_DONE, drive.id, facts)
         rejections = rejections_of(session, [drive.id for drive in published])
     for drive in published:
         _tell_done(drive, rejections.get(drive.id))
     with sessions.begin() as session:
-        removed = endings.delete_removed(session)
+        removed = claims.delete_removed(session)
         files = _clear_up(session, [one.bbox for one in removed if one.bbox is not None]) if removed else []
     for one in removed:
         blobs.delete(one.blob_key)
@@ -159,7 +159,7 @@ def _clear_up(session: Session, boxes: Sequence[Bounds]) -> list[str]:
     return exports.end_over(session, wide)
 
 
-def _tell_done(drive: endings.Published, rejections: Rejections | None) -> None:
+def _tell_done(drive: claims.Published, rejections: Rejections | None) -> None:
     DRIVES_DONE.count(drive.method)
     if drive.waited_s is not None:
         STAGE_S.observe(drive.waited_s, "publishing", drive.method)
@@ -182,9 +182,9 @@ def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation
     blob_key = None
     with sessions.begin() as session:
         slopes.begin_change(session, drive_id)
-        if endings.lock_cancelled(session, drive_id, generation):
+        if claims.lock_cancelled(session, drive_id, generation):
             slopes.append_removal(session, MarkedBy(drive_id, generation))
-            blob_key = endings.mark_removing(session, drive_id)
+            blob_key = claims.mark_removing(session, drive_id)
             queue.enqueue_solve(session)
     if blob_key is not None:
         blobs.delete(blob_key)

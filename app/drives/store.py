@@ -1,7 +1,8 @@
 """Drives in the database: queued -> running -> done or failed, perhaps again; deleted at any time.
 
-The SQL on drives stands here, but for many at once (``batches``) and for their ends (``endings``). Records are detached
-from any session. Callers own the transaction, enqueue the jobs and delete the blobs (``app.drives.intake``).
+The SQL on drives stands here, but for many at once (``batches``) and for their runs and ends (``claims``). Records
+are detached from any session. Callers own the transaction, enqueue the jobs and delete the blobs
+(``app.drives.intake``).
 """
 
 from __future__ import annotations

@@ -12,8 +12,7 @@ from app.core.http import BaseUrl, Service, ServiceDep, existing, link, problems
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry.audit import Origin
 from app.drives.batches import enqueuing
-from app.drives.batches.documents import Batch, BatchAccepted, BatchRequest, Selection, Which
-from app.drives.batches.notes import note
+from app.drives.batches.documents import Batch, BatchAccepted, BatchRequest, Selection, Which, note
 from app.drives.batches.store import batch_progress, count_selected, count_skipped, standing
 from app.drives.method_choice import default_method
 from app.roads.store import known_region

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.drives.batches.documents import Batch, BatchState, Selection
-from app.drives.batches.notes import Standing
+from app.drives.batches.documents import Batch, BatchState, Selection, Standing
 from app.drives.batches.selection import conditions, includes_hopeless
 from app.drives.queue import TASK, jobs_behind
 from app.drives.store import ANEW

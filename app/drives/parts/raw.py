@@ -11,16 +11,17 @@ from starlette.concurrency import run_in_threadpool
 from app.core.admission import PARTS
 from app.core.errors import NotFoundError
 from app.core.http import JSON, Service, ServiceDep, existing, not_modified, problems
-from app.core.text import columns_text, dumps
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
-from app.drives.outputs.measurements import (
-    MEASUREMENTS_EXAMPLE,
-    MEASUREMENTS_SCHEMA,
-    measurements_json,
+from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
+from app.drives.parts.reading import (
+    PointsQuery,
+    attachment,
+    drive_and_track,
+    drive_profile,
+    measurements_answer,
 )
-from app.drives.parts.reading import PointsQuery, attachment, drive_and_track, drive_profile
 from app.exports.ranges import file_answer
 
 BYTES = "application/octet-stream"
@@ -55,8 +56,7 @@ async def drive_measurements(
     `points` is of each sensor. Methods that tell of no measurements have none.
     """
     async with service.request_classes[PARTS].place():
-        text = await run_in_threadpool(_measurements_text, service, drive_id, points)
-    return Response(text, media_type=JSON)
+        return await run_in_threadpool(_measurements_answer, service, drive_id, points)
 
 
 @router.get(
@@ -112,15 +112,9 @@ def _name(drive: Drive, file: BinaryIO) -> str:
     return f"{drive.filename}.zip" if head == ZIP else drive.filename
 
 
-def _measurements_text(service: Service, drive_id: uuid.UUID, points: int | None) -> bytes:
+def _measurements_answer(service: Service, drive_id: uuid.UUID, points: int | None) -> Response:
     with service.reading() as session:
         drive, stored = drive_and_track(session, drive_id)
         profile = drive_profile(session, drive_id, stored)
         measurements = tracks.read_measurements(session, drive_id)
-    return measurements_text({"drive_id": str(drive.id)}, measurements_json(profile, measurements, points))
-
-
-def measurements_text(members: dict[str, Any], document: dict[str, Any]) -> bytes:
-    """The document as compact JSON, a part of a column at a time."""
-    sensors = b",".join(columns_text(sensor) for sensor in document["sensors"])
-    return dumps(members)[:-1].encode() + b',"sensors":[' + sensors + b"]}"
+    return measurements_answer({"drive_id": str(drive.id)}, profile, measurements, points)

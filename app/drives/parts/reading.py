@@ -1,31 +1,41 @@
-"""What the routes of a drive's parts share: its track and profile out of the database, the form of an answer."""
+"""What the routes of a drive's parts and of its trials' share: track and profile out of the database, and answers."""
 
 from __future__ import annotations
 
 import re
 import uuid
-from collections.abc import Iterator, Mapping
-from typing import Annotated
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
 import numpy as np
-from fastapi import Query
+from fastapi import Query, Response
+from fastapi.responses import StreamingResponse
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
 from app.core.errors import NotAcceptableError, NotFoundError
-from app.core.http import JSON, existing, preferred
-from app.core.text import GEO_JSON
+from app.core.http import JSON, existing, geojson_answer, preferred
+from app.core.text import GEO_JSON, columns_text, dumps
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
+from app.drives.outputs.estimates import collection_chunks, estimates_csv
+from app.drives.outputs.measurements import measurements_json
 from app.drives.outputs.profile import Profile, RoadFacts, build_profile
+from app.drives.outputs.profile_document import profile_csv, profile_json
 from app.drives.outputs.thinning import LEAST, MOST
 from app.drives.tracks import StoredTrack
-from fusion.types import Ints
+from app.map.segments import SEGMENT_EXAMPLE
+from app.map.store import DriveSegmentRow
+from fusion.types import DrawnMeasurements, Ints
 
 CSV = "text/csv"
+ESTIMATES = {"geojson": GEO_JSON, "csv": CSV}
+VARY = {"Vary": "Accept"}
+OVERRIDES = "Overrides the Accept header."
+EstimatesQuery = Literal["geojson", "csv"] | None
 BLOCK_BYTES = 256 * 1024
 LONGEST_NAME = 200
 _NOT_PLAIN = re.compile(r'[^ -~]|["\\/%]')
@@ -49,6 +59,18 @@ PointsQuery = Annotated[
         examples=[4000],
     ),
 ]
+
+
+def text_content(example: str) -> dict[str, Any]:
+    """The OpenAPI description of a text."""
+    return {"schema": {"type": "string"}, "example": example}
+
+
+PROFILE_CSV = text_content("distance_m,time,alt_m,alt_sigma_m\r\n0.0,2026-11-20T07:55:10.000Z,143.21,0.9\r\n")
+ESTIMATES_CONTENT = {
+    **geojson_answer("", SEGMENT_EXAMPLE)["content"],
+    CSV: text_content("id,osm_way_id,slope_percent,slope_sigma_percent\r\n17,23456789,6.8214,0.3127\r\n"),
+}
 
 
 def drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[Drive, StoredTrack]:
@@ -122,6 +144,11 @@ def attachment(name: str) -> str:
     return f"{header}; filename*=UTF-8''{quote(name.encode('utf-8', 'replace'), safe='')}"
 
 
+def as_file(name: str) -> dict[str, str]:
+    """Headers of an answer that depends on Accept and is a file to be kept."""
+    return VARY | {"Content-Disposition": attachment(name)}
+
+
 def stem_of(filename: str) -> str:
     """The name of a log without what says its format, for files that are made of it."""
     first = filename.split(", ", maxsplit=1)[0].replace("\\", "/").rsplit("/", 1)[-1]
@@ -139,3 +166,31 @@ def in_blocks(chunks: Iterator[str], size: int = BLOCK_BYTES) -> Iterator[str]:
             yield "".join(waiting)
             waiting, length = [], 0
     yield "".join(waiting)
+
+
+def profile_answer(form: str, profile: Profile, members: Mapping[str, str], stem: str) -> Response:
+    """The profile as a CSV file whose name begins with ``stem``, or as JSON that begins with ``members``."""
+    if form == "csv":
+        headers = as_file(f"{stem}-profile.csv")
+        return Response("".join(profile_csv(profile)), media_type=CSV, headers=headers)
+    return Response(columns_text({**members, **profile_json(profile)}), media_type=JSON, headers=VARY)
+
+
+def measurements_answer(
+    members: Mapping[str, str], profile: Profile, measurements: DrawnMeasurements | None, points: int | None
+) -> Response:
+    """The measurements as compact JSON that begins with ``members``, a part of a column at a time."""
+    document = measurements_json(profile, measurements, points)
+    sensors = b",".join(columns_text(sensor) for sensor in document["sensors"])
+    return Response(dumps(members)[:-1].encode() + b',"sensors":[' + sensors + b"]}", media_type=JSON)
+
+
+def estimates_answer(
+    form: str, estimates: Sequence[DriveSegmentRow], members: dict[str, Any], stem: str
+) -> StreamingResponse:
+    """All estimates as a CSV file whose name begins with ``stem``, or as GeoJSON that begins with ``members``."""
+    if form == "csv":
+        chunks, headers = estimates_csv(estimates), as_file(f"{stem}-segments.csv")
+    else:
+        chunks, headers = collection_chunks(members, estimates), VARY
+    return StreamingResponse(in_blocks(chunks), media_type=ESTIMATES[form], headers=headers)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import uuid
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
@@ -26,41 +26,43 @@ from app.core.http import (
 )
 from app.core.http import link_documents as documents
 from app.core.query import cursor_of, parse_cursor
-from app.core.text import GEO_JSON, columns_text
+from app.core.text import GEO_JSON
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import drive_address
 from app.drives.outputs.drawing import Drawing
-from app.drives.outputs.estimates import collection_chunks, estimate_feature, estimates_csv
-from app.drives.outputs.profile_document import (
-    PROFILE_EXAMPLE,
-    PROFILE_SCHEMA,
-    fewer,
-    profile_csv,
-    profile_json,
-)
+from app.drives.outputs.estimates import estimate_feature
+from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA, fewer
 from app.drives.outputs.profile_marks import datum_words
 from app.drives.outputs.track import TRACK_EXAMPLE, track_chunks
 from app.drives.outputs.track_files import track_csv, track_gpx
 from app.drives.parts.reading import (
     CSV,
+    ESTIMATES,
+    ESTIMATES_CONTENT,
+    OVERRIDES,
+    PROFILE_CSV,
+    VARY,
+    EstimatesQuery,
     PointsQuery,
-    attachment,
+    as_file,
     drive_and_track,
     drive_profile,
+    estimates_answer,
     form_of,
     in_blocks,
+    profile_answer,
     stem_of,
+    text_content,
 )
 from app.map.segment import attribution
-from app.map.segments import MAX_ID, SEGMENT_EXAMPLE, CursorQuery
+from app.map.segments import MAX_ID, CursorQuery
 from app.map.store import drive_segment_rows
 
 PNG = "image/png"
 GPX = "application/gpx+xml"
 TRACKS = {"geojson": GEO_JSON, "csv": CSV, "gpx": GPX}
 PROFILES = {"json": JSON, "png": PNG, "csv": CSV}
-ESTIMATES = {"geojson": GEO_JSON, "csv": CSV}
 
 TRACK_CSV_EXAMPLE = (
     "time_s,lat_deg,lon_deg,alt_msl_m,h_acc_m,v_acc_m,speed_mps,heading_deg,pitch_deg,pitch_acc_deg\r\n"
@@ -71,22 +73,10 @@ _GPX_EXAMPLE = (
     '<trkpt lat="48.9912000" lon="8.4812000"><ele>143.21</ele><time>2026-11-20T07:55:10.000Z</time></trkpt>'
     "</trkseg></trk></gpx>"
 )
-PROFILE_CSV_EXAMPLE = "distance_m,time,alt_m,alt_sigma_m\r\n0.0,2026-11-20T07:55:10.000Z,143.21,0.9\r\n"
-ESTIMATES_CSV_EXAMPLE = "id,osm_way_id,slope_percent,slope_sigma_percent\r\n17,23456789,6.8214,0.3127\r\n"
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
 log = logging.getLogger(__name__)
-
-
-def text_content(example: str) -> dict[str, Any]:
-    """The OpenAPI description of a text."""
-    return {"schema": {"type": "string"}, "example": example}
-
-
-def as_file(name: str) -> dict[str, str]:
-    """Headers of an answer that depends on Accept and is a file to be kept."""
-    return {"Vary": "Accept", "Content-Disposition": attachment(name)}
 
 
 @router.get(
@@ -110,9 +100,7 @@ def drive_track(
     request: Request,
     service: ServiceDep,
     base: BaseUrl,
-    f: Annotated[
-        Literal["geojson", "csv", "gpx"] | None, Query(description="Overrides the Accept header.")
-    ] = None,
+    f: Annotated[Literal["geojson", "csv", "gpx"] | None, Query(description=OVERRIDES)] = None,
 ) -> StreamingResponse:
     """Where the vehicle was, with sigmas. The first feature is the path, interrupted where the recording was.
 
@@ -130,10 +118,7 @@ def drive_track(
         headers = as_file(f"{stem}-track.gpx")
     else:
         links = documents([link(f"{drive_address(base, drive)}/track", "self", GEO_JSON)])
-        chunks, headers = (
-            track_chunks(stored.track, stored.segment_id, {"links": links}),
-            {"Vary": "Accept"},
-        )
+        chunks, headers = track_chunks(stored.track, stored.segment_id, {"links": links}), VARY
     return StreamingResponse(in_blocks(chunks), media_type=TRACKS[form], headers=headers)
 
 
@@ -147,7 +132,7 @@ def drive_track(
             "content": {
                 JSON: {"schema": PROFILE_SCHEMA, "example": PROFILE_EXAMPLE},
                 PNG: {"schema": {"type": "string", "format": "binary"}},
-                CSV: text_content(PROFILE_CSV_EXAMPLE),
+                CSV: PROFILE_CSV,
             },
         },
         **problems(404, 406, 422, 503),
@@ -157,9 +142,7 @@ async def get_profile(
     drive_id: uuid.UUID,
     request: Request,
     service: ServiceDep,
-    f: Annotated[
-        Literal["json", "png", "csv"] | None, Query(description="Overrides the Accept header.")
-    ] = None,
+    f: Annotated[Literal["json", "png", "csv"] | None, Query(description=OVERRIDES)] = None,
     points: PointsQuery = None,
 ) -> Response:
     """Height, grade and segment slopes over the distance driven; slopes here are in the direction of travel.
@@ -177,7 +160,7 @@ async def get_profile(
         drawing: Drawing = request.app.state.drawing
         async with drawing.request_class.place():
             picture = await run_in_threadpool(_picture, service, drawing, drive_id)
-    return Response(picture, media_type=PNG, headers={"Vary": "Accept"})
+    return Response(picture, media_type=PNG, headers=VARY)
 
 
 @router.get(
@@ -187,10 +170,7 @@ async def get_profile(
     responses={
         200: {
             "description": "One page, or all, in the order of driving.",
-            "content": {
-                **geojson_answer("", SEGMENT_EXAMPLE)["content"],
-                CSV: text_content(ESTIMATES_CSV_EXAMPLE),
-            },
+            "content": ESTIMATES_CONTENT,
         },
         **problems(404, 406, 422, 503),
     },
@@ -206,7 +186,7 @@ def drive_segments(
     ] = None,
     after: CursorQuery = None,
     f: Annotated[
-        Literal["geojson", "csv"] | None,
+        EstimatesQuery,
         Query(
             description="Overrides the Accept header, and asks for all segments at once unless `limit` is set."
         ),
@@ -234,27 +214,17 @@ def drive_segments(
         following = cursor_of(shown[-1].first_at, shown[-1].segment.stored_id)
         links.append(link(with_query(here, limit=limit, after=following, f=f), "next", GEO_JSON))
     members = {"attribution": attribution(), "numberReturned": len(shown), "links": documents(links)}
-    vary = {"Vary": "Accept"}
-    if form == "csv":
-        headers = as_file(f"{stem_of(drive.filename)}-segments.csv")
-        return StreamingResponse(in_blocks(estimates_csv(shown)), media_type=CSV, headers=headers)
-    if at_once:
-        return StreamingResponse(
-            in_blocks(collection_chunks(members, shown)), media_type=GEO_JSON, headers=vary
-        )
+    if at_once or form == "csv":
+        return estimates_answer(form, shown, members, stem_of(drive.filename))
     document = {"type": "FeatureCollection"} | members | {"features": map(estimate_feature, shown)}
-    return geojson_response(document, vary)
+    return geojson_response(document, VARY)
 
 
 def _profile_text(service: Service, drive_id: uuid.UUID, form: str, points: int | None) -> Response:
     with service.reading() as session:
         drive, stored = drive_and_track(session, drive_id)
         profile = fewer(drive_profile(session, drive_id, stored), points)
-    if form == "csv":
-        headers = as_file(f"{stem_of(drive.filename)}-profile.csv")
-        return Response("".join(profile_csv(profile)), media_type=CSV, headers=headers)
-    text = columns_text({"drive_id": str(drive.id), **profile_json(profile)})
-    return Response(text, media_type=JSON, headers={"Vary": "Accept"})
+    return profile_answer(form, profile, {"drive_id": str(drive.id)}, stem_of(drive.filename))
 
 
 def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:

@@ -14,9 +14,9 @@ from starlette.concurrency import run_in_threadpool
 
 from app.core.admission import PARTS
 from app.core.errors import NotDoneError, NotFoundError
-from app.core.http import JSON, BaseUrl, Service, ServiceDep, existing, geojson_answer, link, problems
+from app.core.http import JSON, BaseUrl, Service, ServiceDep, existing, link, problems
 from app.core.http import link_documents as documents
-from app.core.text import GEO_JSON, columns_text, dumps
+from app.core.text import GEO_JSON, dumps
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
@@ -32,28 +32,23 @@ from app.drives.method_choice import (
     with_columns_kept,
     with_positioning,
 )
-from app.drives.outputs.estimates import collection_chunks, estimates_csv
-from app.drives.outputs.measurements import (
-    MEASUREMENTS_EXAMPLE,
-    MEASUREMENTS_SCHEMA,
-    measurements_json,
-)
+from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
 from app.drives.outputs.profile import Profile
-from app.drives.outputs.profile_document import (
-    PROFILE_EXAMPLE,
-    PROFILE_SCHEMA,
-    fewer,
-    profile_csv,
-    profile_json,
-)
-from app.drives.parts.raw import measurements_text
-from app.drives.parts.reading import CSV, PointsQuery, form_of, in_blocks, profile_of, stem_of
-from app.drives.parts.results import (
+from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA, fewer
+from app.drives.parts.reading import (
+    CSV,
     ESTIMATES,
-    ESTIMATES_CSV_EXAMPLE,
-    PROFILE_CSV_EXAMPLE,
-    as_file,
-    text_content,
+    ESTIMATES_CONTENT,
+    OVERRIDES,
+    PROFILE_CSV,
+    EstimatesQuery,
+    PointsQuery,
+    estimates_answer,
+    form_of,
+    measurements_answer,
+    profile_answer,
+    profile_of,
+    stem_of,
 )
 from app.drives.trials import store
 from app.drives.trials.documents import (
@@ -65,12 +60,9 @@ from app.drives.trials.documents import (
     linked,
     trial_address,
 )
-from app.drives.trials.results import beside_the_map, decode_slopes
-from app.drives.trials.store import trials
+from app.drives.trials.store import beside_the_map, decode_slopes, trials
 from app.map.segment import attribution
-from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import segments_by_id
-from fusion.types import SegmentSlope
 
 PROFILES = {"json": JSON, "csv": CSV}
 
@@ -168,7 +160,7 @@ def delete_trial(drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep) 
             "description": "Columns over the distance driven, as of the drive.",
             "content": {
                 JSON: _of_trial(PROFILE_SCHEMA, PROFILE_EXAMPLE),
-                CSV: text_content(PROFILE_CSV_EXAMPLE),
+                CSV: PROFILE_CSV,
             },
         },
         **problems(404, 406, 409, 422, 503),
@@ -179,7 +171,7 @@ async def trial_profile(
     trial_id: uuid.UUID,
     request: Request,
     service: ServiceDep,
-    f: Annotated[Literal["json", "csv"] | None, Query(description="Overrides the Accept header.")] = None,
+    f: Annotated[Literal["json", "csv"] | None, Query(description=OVERRIDES)] = None,
     points: PointsQuery = None,
 ) -> Response:
     """As `/v1/drives/{drive_id}/profile`, with the trial's heights, grades and slopes. 409 until it is done."""
@@ -215,10 +207,7 @@ async def trial_measurements(
     responses={
         200: {
             "description": "All of them, in the order of driving.",
-            "content": {
-                **geojson_answer("", SEGMENT_EXAMPLE)["content"],
-                CSV: text_content(ESTIMATES_CSV_EXAMPLE),
-            },
+            "content": ESTIMATES_CONTENT,
         },
         **problems(404, 406, 409, 422, 503),
     },
@@ -229,7 +218,7 @@ def trial_segments(
     request: Request,
     service: ServiceDep,
     base: BaseUrl,
-    f: Annotated[Literal["geojson", "csv"] | None, Query(description="Overrides the Accept header.")] = None,
+    f: Annotated[EstimatesQuery, Query(description=OVERRIDES)] = None,
 ) -> StreamingResponse:
     """As `/v1/drives/{drive_id}/segments`: slope and sigma of each segment from the trial alone. 409 until it is done.
 
@@ -242,13 +231,9 @@ def trial_segments(
         drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
         slopes = decode_slopes(result.slopes)
         rows = beside_the_map(slopes, segments_by_id(session, [slope.segment for slope in slopes]))
-    if form == "csv":
-        headers = as_file(f"{stem_of(drive.filename)}-{trial.method}-segments.csv")
-        return StreamingResponse(in_blocks(estimates_csv(rows)), media_type=CSV, headers=headers)
     links = documents([link(f"{trial_address(base, trial)}/segments", "self", GEO_JSON)])
     members = {"attribution": attribution(), "numberReturned": len(rows), "links": links}
-    vary = {"Vary": "Accept"}
-    return StreamingResponse(in_blocks(collection_chunks(members, rows)), media_type=GEO_JSON, headers=vary)
+    return estimates_answer(form, rows, members, f"{stem_of(drive.filename)}-{trial.method}")
 
 
 def _profile_answer(
@@ -258,11 +243,7 @@ def _profile_answer(
         trial, result = _done(session, drive_id, trial_id)
         drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
         profile = fewer(_profile(session, result), points)
-    if form == "csv":
-        headers = as_file(f"{stem_of(drive.filename)}-{trial.method}-profile.csv")
-        return Response("".join(profile_csv(profile)), media_type=CSV, headers=headers)
-    text = columns_text({**_ids(trial), **profile_json(profile)})
-    return Response(text, media_type=JSON, headers={"Vary": "Accept"})
+    return profile_answer(form, profile, _ids(trial), f"{stem_of(drive.filename)}-{trial.method}")
 
 
 def _measurements_answer(
@@ -272,13 +253,14 @@ def _measurements_answer(
         trial, result = _done(session, drive_id, trial_id)
         profile = _profile(session, result)
     measurements = None if result.measurements is None else tracks.decode_measurements(result.measurements)
-    text = measurements_text(_ids(trial), measurements_json(profile, measurements, points))
-    return Response(text, media_type=JSON)
+    return measurements_answer(_ids(trial), profile, measurements, points)
 
 
 def _profile(session: Session, result: store.Result) -> Profile:
-    said: list[SegmentSlope] = decode_slopes(result.slopes)
-    slopes = {slope.segment: (slope.slope_percent, slope.slope_sigma_percent) for slope in said}
+    slopes = {
+        slope.segment: (slope.slope_percent, slope.slope_sigma_percent)
+        for slope in decode_slopes(result.slopes)
+    }
     return profile_of(session, tracks.decode(result.track), slopes)
 
 

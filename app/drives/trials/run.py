@@ -12,13 +12,10 @@ import time
 from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
 from app.drives import tracks
-from app.drives.computing import Computed, compute
-from app.drives.faults import fault_of
-from app.drives.progress import RunProgress
+from app.drives.computing import Computed, RunProgress, compute, fault_of
 from app.drives.trials import store
 from app.drives.trials.documents import Trial
-from app.drives.trials.results import encode_slopes
-from app.drives.trials.store import trials
+from app.drives.trials.store import encode_slopes, trials
 from app.jobs.requests.run import Discarded, RequestKind, RequestRun
 from app.jobs.requests.store import Failure
 from app.jobs.task import is_connection_loss

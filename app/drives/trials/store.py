@@ -1,14 +1,20 @@
 """Trials in the database: found or added, removed, forgotten. The rest is ``app.jobs.requests.store``'s.
 
+What a trial yielded is kept beside it, the slopes of its segments as an Arrow IPC stream.
+
 Whoever removes a trial, or its drive, takes it away from the worker that computes it.
 """
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
+import numpy as np
+import pyarrow as pa
 from sqlalchemy import Select, Table, select, text
 from sqlalchemy.orm import Session
 
@@ -16,13 +22,18 @@ from app.core.errors import NotFoundError, TooManyError
 from app.core.settings import Settings
 from app.core.tables import IS_SHOWN, Drive
 from app.core.tables.requests import DriveTrial
+from app.drives.tracks import stream
 from app.drives.trials.documents import KEPT, MOST_OF_A_DRIVE, Trial
 from app.jobs.requests.store import RequestStore
 from app.jobs.task import Kind
+from app.map.segment import Segment
+from app.map.store import DriveSegmentRow
+from fusion.types import Ints, SegmentSlope
 
 TRY_DRIVE = Kind("try_drive", -10)
 """Behind uploads and what is published of them: somebody waits for it, but nothing of the map does."""
 MOST_WAITING = 100
+_NAMES = tuple(spec.name for spec in fields(SegmentSlope))
 _RESULT = ("track", "measurements", "slopes")
 
 
@@ -57,7 +68,7 @@ _ANEW: Mapping[str, Any] = {
 
 
 class Result(NamedTuple):
-    """What a trial yielded, as it is stored (``app.drives.tracks``, ``app.drives.trials.results``)."""
+    """What a trial yielded, as it is stored (``app.drives.tracks``, ``encode_slopes``)."""
 
     track: bytes
     measurements: bytes | None
@@ -106,3 +117,42 @@ def remove(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> bool:
 def expire(session: Session, _settings: Settings) -> list[str | None]:
     """Forget what ended long ago; a trial has no file."""
     return list(session.execute(_FORGET, {"kept_s": KEPT.total_seconds()}).scalars())
+
+
+def encode_slopes(slopes: Iterable[SegmentSlope], segment_ids: Ints) -> bytes:
+    """The slopes in the order of driving; ``segment`` becomes the database's id of each."""
+    ordered = sorted(slopes, key=lambda slope: (slope.first_time_s, slope.segment))
+    columns = {name: np.array([getattr(slope, name) for slope in ordered]) for name in _NAMES}
+    columns["segment"] = segment_ids[columns["segment"].astype(np.int64)]
+    kinds = {"segment": np.int64, "observations": np.int64, "passes": np.int64}
+    return stream({name: column.astype(kinds.get(name, np.float64)) for name, column in columns.items()})
+
+
+def decode_slopes(data: bytes) -> list[SegmentSlope]:
+    """The inverse of ``encode_slopes``; ``segment`` is the database's id."""
+    table = pa.ipc.open_stream(data).read_all()
+    columns = (table.column(name).to_pylist() for name in _NAMES)
+    return [SegmentSlope(*values) for values in zip(*columns, strict=True)]
+
+
+def beside_the_map(slopes: Sequence[SegmentSlope], segments: Sequence[Segment]) -> list[DriveSegmentRow]:
+    """The slopes as a drive's estimates are shown, each beside what all drives together say.
+
+    A segment that an import dropped since is left out.
+    """
+    by_id = {segment.stored_id: segment for segment in segments}
+    return [
+        DriveSegmentRow(
+            segment=by_id[slope.segment],
+            slope_percent=slope.slope_percent,
+            slope_sigma_percent=slope.slope_sigma_percent,
+            observations=slope.observations,
+            passes=slope.passes,
+            first_at=datetime.fromtimestamp(slope.first_time_s, UTC),
+            last_at=datetime.fromtimestamp(slope.last_time_s, UTC),
+            in_network=False,
+            accepted=None,
+        )
+        for slope in slopes
+        if slope.segment in by_id
+    ]

@@ -12,7 +12,7 @@ from sqlalchemy import text
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.drives import claims, endings
+from app.drives import claims
 from app.drives import store as drives
 from app.drives.documents import Drive, DrivePlace
 from app.map import store as map_store
@@ -119,7 +119,7 @@ def test_a_report_may_hold_what_json_cannot(sessions: Sessions) -> None:
         claims.mark_publishing(
             session, row.id, report=report, bounds=(8, 49, 9, 50), epochs=2, distance_m=None, drive_time=None
         )
-        endings.mark_done(session, row.id)
+        claims.mark_done(session, row.id)
         done = drives.get_drive(session, row.id)
     assert done is not None
     assert done.report == {"a": None, "b": [None, 1.5], "c": {"d": "x\ufffdy"}, "e": [1, None]} | {
