@@ -23,12 +23,13 @@ from fusion.published.epochs.table import Epochs, build_epochs
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import write_csv
-from fusion.simulate.write.ubx_file import LEAP_SECONDS, write_ubx
+from fusion.simulate.write.ubx_file import write_ubx
 from fusion.types import DriveLog
 from ucenter_support import ucenter_listing
 
 G = GRAVITY_MPS2
 SECONDS = 12
+LEAP_SECONDS = 18
 KEY = ("osm_way_id", "from_node", "to_node")
 
 
