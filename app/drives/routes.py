@@ -27,12 +27,7 @@ from app.drives.documents import (
 )
 from app.drives.listing import Direction, Order, Sort, cursor, default_direction, place_of
 from app.drives.method_choice import (
-    GnssOptionQuery,
-    GnssQuery,
     MethodQuery,
-    OptionQuery,
-    OptionsQuery,
-    asked_options,
     asked_positioning,
 )
 
@@ -164,11 +159,7 @@ def reprocess_drive(
     service: ServiceDep,
     base: BaseUrl,
     response: Response,
-    method: MethodQuery = None,
-    options: OptionsQuery = None,
-    option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
-    gnss: GnssQuery = None,
-    gnss_option: GnssOptionQuery = [],  # noqa: B006
+    query: MethodQuery,
     body: Annotated[ReprocessRequest | None, Body(description="The same as the query parameters.")] = None,
 ) -> DriveAccepted:
     """Queue the drive again, perhaps for another method or with other options.
@@ -177,11 +168,11 @@ def reprocess_drive(
     `gnss_option` change how positions are computed, and nothing else.
     What it published stays until the new run replaces it.
     """
-    wanted_options = asked_options(options, option)
+    method, gnss, wanted_options = query.method, query.gnss, query.asked_options()
     if body is not None:
         method, gnss = method or body.method, gnss or body.gnss
         wanted_options = body.options if wanted_options is None else wanted_options
-    positioning = asked_positioning(gnss, gnss_option)
+    positioning = asked_positioning(gnss, query.gnss_option)
     drive = existing(
         intake.reprocess(service.sessions, drive_id, method, wanted_options, positioning), "drive", drive_id
     )

@@ -21,12 +21,7 @@ from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
 from app.drives.method_choice import (
-    GnssOptionQuery,
-    GnssQuery,
     MethodQuery,
-    OptionQuery,
-    OptionsQuery,
-    asked_options,
     asked_positioning,
     check_options,
     with_columns_kept,
@@ -96,11 +91,7 @@ def add_trial(
     service: ServiceDep,
     base: BaseUrl,
     response: Response,
-    method: MethodQuery = None,
-    options: OptionsQuery = None,
-    option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
-    gnss: GnssQuery = None,
-    gnss_option: GnssOptionQuery = [],  # noqa: B006
+    query: MethodQuery,
 ) -> TrialAccepted:
     """Compute the drive by another method or with other options, and look at the result beside the drive's own.
 
@@ -109,11 +100,11 @@ def add_trial(
     and is forgotten a week after its end; a drive has twenty at most (409). The same again answers with the same
     trial, and tries it again if it failed.
     """
-    chosen, positioning = asked_options(options, option), asked_positioning(gnss, gnss_option)
+    chosen, positioning = query.asked_options(), asked_positioning(query.gnss, query.gnss_option)
     with service.reading() as session:
         drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
-    chosen_method = method or drive.method
-    chosen_options = drive.options if method is None and chosen is None else chosen or {}
+    chosen_method = query.method or drive.method
+    chosen_options = drive.options if query.method is None and chosen is None else chosen or {}
     chosen_options = with_positioning(with_columns_kept(chosen_options, drive.options), positioning)
     check_options(chosen_method, chosen_options)
     with service.sessions.begin() as session:
