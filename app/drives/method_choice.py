@@ -101,6 +101,24 @@ def with_positioning(options: Mapping[str, Any], positioning: Mapping[str, Any])
     return combined | dict(positioning)
 
 
+def chosen_anew(
+    method: str | None,
+    options: Mapping[str, Any] | None,
+    positioning: Mapping[str, Any],
+    had: tuple[str, Mapping[str, Any]],
+) -> tuple[str, dict[str, Any]]:
+    """The method and the options for another run of a drive that ``had`` these: both of them where none is named.
+
+    With a method alone that method's defaults. Raises what ``check_options`` does.
+    """
+    former_method, former_options = had
+    chosen = former_options if method is None and options is None else options or {}
+    chosen = with_positioning(with_columns_kept(chosen, former_options), positioning)
+    estimator = former_method if method is None else method
+    check_options(estimator, chosen)
+    return estimator, chosen
+
+
 def check_options(method: str, options: Mapping[str, Any]) -> None:
     """Raise ``UnknownNameError`` or ``BadOptionsError`` for what cannot be used.
 

@@ -20,13 +20,7 @@ from app.core.text import GEO_JSON, dumps
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
-from app.drives.method_choice import (
-    MethodQuery,
-    asked_positioning,
-    check_options,
-    with_columns_kept,
-    with_positioning,
-)
+from app.drives.method_choice import MethodQuery, asked_positioning, chosen_anew
 from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
 from app.drives.outputs.profile import Profile
 from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA, fewer
@@ -87,11 +81,7 @@ def _of_trial(schema: dict[str, Any], example: dict[str, Any]) -> dict[str, Any]
     },
 )
 def add_trial(
-    drive_id: uuid.UUID,
-    service: ServiceDep,
-    base: BaseUrl,
-    response: Response,
-    query: MethodQuery,
+    drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, response: Response, query: MethodQuery
 ) -> TrialAccepted:
     """Compute the drive by another method or with other options, and look at the result beside the drive's own.
 
@@ -100,17 +90,13 @@ def add_trial(
     and is forgotten a week after its end; a drive has twenty at most (409). The same again answers with the same
     trial, and tries it again if it failed.
     """
-    chosen, positioning = query.asked_options(), asked_positioning(query.gnss, query.gnss_option)
+    options, positioning = query.asked_options(), asked_positioning(query.gnss, query.gnss_option)
     with service.reading() as session:
         drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
-    chosen_method = query.method or drive.method
-    chosen_options = drive.options if query.method is None and chosen is None else chosen or {}
-    chosen_options = with_positioning(with_columns_kept(chosen_options, drive.options), positioning)
-    check_options(chosen_method, chosen_options)
+    method = drive.method if query.method == "" else query.method
+    chosen = chosen_anew(method, options, positioning, (drive.method, drive.options))
     with service.sessions.begin() as session:
-        trial, queued = store.ask(
-            session, drive_id, chosen_method, chosen_options, _sha256(chosen_method, chosen_options)
-        )
+        trial, queued = store.ask(session, drive_id, *chosen, _sha256(*chosen))
     response.status_code = 202 if queued else 200
     response.headers["Location"] = trial_address(base, trial)
     return accepted(base, trial)
