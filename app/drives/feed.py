@@ -13,11 +13,10 @@ import uuid
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from itertools import islice
-from typing import Annotated
 
 import psycopg
 from anyio import CapacityLimiter, to_thread
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter, Request
 from fastapi.responses import StreamingResponse
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -161,14 +160,6 @@ class Feed:
         return True
 
 
-async def get_feed(request: Request) -> Feed:
-    """The application's feed of changes."""
-    feed: Feed = request.app.state.feed
-    return feed
-
-
-FeedDep = Annotated[Feed, Depends(get_feed)]
-
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
 _EXAMPLE = f'id: 3\nevent: drive\ndata: {{"id": "{EXAMPLE_ID}", "status": "running", "progress": 0.4}}\n\n'
@@ -183,12 +174,13 @@ _EXAMPLE = f'id: 3\nevent: drive\ndata: {{"id": "{EXAMPLE_ID}", "status": "runni
         **problems(404, 503),
     },
 )
-async def drive_events(drive_id: uuid.UUID, feed: FeedDep, base: BaseUrl) -> StreamingResponse:
+async def drive_events(drive_id: uuid.UUID, request: Request, base: BaseUrl) -> StreamingResponse:
     """The state at once, then each change. Ends after `done` or `failed`, or by `deleted` when the drive is gone.
 
     A browser's EventSource connects again when the stream ends: close it at a terminal status. Where too many streams
     are open already the answer is 503: ask for the drive itself every few seconds.
     """
+    feed: Feed = request.app.state.feed
     follower = feed.follow(drive_id)
     try:
         first = await follower.next()
