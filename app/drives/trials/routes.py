@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from app.core.admission import PARTS
 from app.core.errors import NotDoneError, NotFoundError
-from app.core.http import JSON, BaseUrl, Service, ServiceDep, existing, link, problems
+from app.core.http import JSON, BaseUrl, ServiceDep, existing, link, problems
 from app.core.http import link_documents as documents
 from app.core.text import GEO_JSON, dumps
 from app.drives import store as drives
@@ -153,8 +153,16 @@ async def trial_profile(
 ) -> Response:
     """As `/v1/drives/{drive_id}/profile`, with the trial's heights, grades and slopes. 409 until it is done."""
     form = form_of(f, request.headers.get("accept"), PROFILES)
+
+    def answer() -> Response:
+        with service.reading() as session:
+            trial, result = _done(session, drive_id, trial_id)
+            drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+            profile = fewer(_profile(session, result), points)
+        return profile_answer(form, profile, _ids(trial), f"{stem_of(drive.filename)}-{trial.method}")
+
     async with service.request_classes[PARTS].place():
-        return await run_in_threadpool(_profile_answer, service, drive_id, trial_id, form, points)
+        return await run_in_threadpool(answer)
 
 
 @router.get(
@@ -173,8 +181,16 @@ async def trial_measurements(
     drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None
 ) -> Response:
     """As `/v1/drives/{drive_id}/measurements`: what is taken off each depends on the method. 409 until it is done."""
+
+    def answer() -> Response:
+        with service.reading() as session:
+            trial, result = _done(session, drive_id, trial_id)
+            profile = _profile(session, result)
+        measured = None if result.measurements is None else tracks.decode_measurements(result.measurements)
+        return measurements_answer(_ids(trial), profile, measured, points)
+
     async with service.request_classes[PARTS].place():
-        return await run_in_threadpool(_measurements_answer, service, drive_id, trial_id, points)
+        return await run_in_threadpool(answer)
 
 
 @router.get(
@@ -211,26 +227,6 @@ def trial_segments(
     links = documents([link(f"{trial_address(base, trial)}/segments", "self", GEO_JSON)])
     members = {"attribution": attribution(), "numberReturned": len(rows), "links": links}
     return estimates_answer(form, rows, members, f"{stem_of(drive.filename)}-{trial.method}")
-
-
-def _profile_answer(
-    service: Service, drive_id: uuid.UUID, trial_id: uuid.UUID, form: str, points: int | None
-) -> Response:
-    with service.reading() as session:
-        trial, result = _done(session, drive_id, trial_id)
-        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
-        profile = fewer(_profile(session, result), points)
-    return profile_answer(form, profile, _ids(trial), f"{stem_of(drive.filename)}-{trial.method}")
-
-
-def _measurements_answer(
-    service: Service, drive_id: uuid.UUID, trial_id: uuid.UUID, points: int | None
-) -> Response:
-    with service.reading() as session:
-        trial, result = _done(session, drive_id, trial_id)
-        profile = _profile(session, result)
-    measurements = None if result.measurements is None else tracks.decode_measurements(result.measurements)
-    return measurements_answer(_ids(trial), profile, measurements, points)
 
 
 def _profile(session: Session, result: store.Result) -> Profile:
