@@ -30,12 +30,11 @@ from app.core.settings import Settings, SettingsError, get_settings
 from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
 from app.drives import catalogue as methods
-from app.drives import events, upload
+from app.drives import feed, upload
 from app.drives import routes as drives
 from app.drives.batches import removing
 from app.drives.batches import routes as batches
 from app.drives.documents import Drive
-from app.drives.feed import Feed
 from app.drives.outputs.drawing import Drawing
 from app.drives.parts import raw as drive_sources
 from app.drives.parts import results as drive_parts
@@ -65,7 +64,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     batches.router,  # before drives: its path would else be taken for a drive's
     removing.router,
     drives.router,
-    events.router,
+    feed.router,
     drive_parts.router,
     drive_sources.router,
     trials.router,
@@ -195,7 +194,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     )
     app.state.drawing = Drawing(settings.pictures_waiting)
     streams = Shares(settings.events_max, settings.events_per_client)
-    app.state.feed = Feed(
+    app.state.feed = feed.Feed(
         url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, streams
     )
     app.state.tiles = Tiles(url, settings, app.state.request_classes)

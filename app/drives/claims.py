@@ -129,9 +129,7 @@ def set_progress(session: Session, drive_id: uuid.UUID, generation: int, stage: 
 
 def note_bounds(session: Session, drive_id: uuid.UUID, generation: int, bounds: Bounds) -> bool:
     """Note where the drive is, degrees, whatever becomes of it; False: no longer this worker's."""
-    west, south, east, north = bounds
-    box = {"west": west, "south": south, "east": east, "north": north}
-    return changed(session, _SET_BOUNDS, {"id": drive_id, "generation": generation, **box})
+    return changed(session, _SET_BOUNDS, {"id": drive_id, "generation": generation, **_box(bounds)})
 
 
 def mark_queued(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
@@ -173,15 +171,9 @@ def mark_publishing(
     drive_time: datetime | None,
 ) -> None:
     """Note of a drive whose row is locked what its run says; it is done once its cells are solved."""
-    west, south, east, north = bounds
-    box = {"west": west, "south": south, "east": east, "north": north}
-    results = {
-        "report": json_text(report),
-        "epochs": epochs,
-        "distance_m": distance_m,
-        "drive_time": drive_time,
-    }
-    session.execute(_SET_PUBLISHING, {"id": drive_id, "progress": PUBLISHING_PROGRESS, **box, **results})
+    results = {"epochs": epochs, "distance_m": distance_m, "drive_time": drive_time, **_box(bounds)}
+    values = {"id": drive_id, "progress": PUBLISHING_PROGRESS, "report": json_text(report), **results}
+    session.execute(_SET_PUBLISHING, values)
 
 
 class Published(NamedTuple):
@@ -228,3 +220,7 @@ class Removed(NamedTuple):
 def delete_removed(session: Session) -> list[Removed]:
     """Delete the rows of drives of which nothing is left on the map."""
     return [Removed(*row) for row in session.execute(_REMOVED)]
+
+
+def _box(bounds: Bounds) -> dict[str, float]:
+    return dict(zip(("west", "south", "east", "north"), bounds, strict=True))

@@ -66,6 +66,18 @@ class Failure(BaseModel):
     stage: str | None = Field(description="What the worker was doing.")
     where: str | None = Field(description="The line, byte or field at fault, as far as known.")
 
+    @classmethod
+    def of(cls, columns: Mapping[str, Any]) -> Failure | None:
+        """The reason in the columns of a row, of a drive or of a trial; None unless it is failed."""
+        if columns["status"] != "failed":
+            return None
+        return cls(
+            kind=columns["failure_kind"] or "unknown",
+            reason=columns["failure_reason"] or "No reason was recorded. Process the drive again.",
+            stage=columns["stage"],
+            where=columns["failure_where"],
+        )
+
 
 class Drive(BaseModel):
     """A drive: an uploaded log and what became of it."""
@@ -127,17 +139,9 @@ class Drive(BaseModel):
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Drive:
         """The record of a row of the store, which has the reason of a failure in columns of its own."""
-        failure = None
-        if columns["status"] == "failed":
-            failure = Failure(
-                kind=columns["failure_kind"] or "unknown",
-                reason=columns["failure_reason"] or "No reason was recorded. Process the drive again.",
-                stage=columns["stage"],
-                where=columns["failure_where"],
-            )
         unsolved = [cell_name(cell) for cell in columns["unsolved_cells"]]
         report = _as_it_is_now(columns["report"], columns["rejections"], columns["duplicate_of"], unsolved)
-        derived = {"failure": failure, "unsolved": unsolved, "report": report}
+        derived = {"failure": Failure.of(columns), "unsolved": unsolved, "report": report}
         return cls.model_validate({**columns, "same_as": columns["duplicate_of"], **derived})
 
 

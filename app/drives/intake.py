@@ -23,7 +23,7 @@ from app.core.telemetry.logs import about, tell
 from app.drives import queue
 from app.drives import store as drives
 from app.drives.documents import Drive
-from app.drives.method_choice import check_options, with_columns_kept, with_positioning
+from app.drives.method_choice import check_options, chosen_anew
 
 SHOWN_ORPHANS = 20
 """Number of blobs that the log names, of those that a sweep would remove."""
@@ -159,11 +159,8 @@ def reprocess(
         former = drives.get_drive(session, drive_id)
         if former is None:
             return None
-        estimator = former.method if method is None else method
-        its_options = former.options if method is None and options is None else options or {}
-        its_options = with_positioning(with_columns_kept(its_options, former.options), positioning or {})
-        check_options(estimator, its_options)
-        drive = drives.request_reprocess(session, drive_id, estimator, its_options)
+        chosen = chosen_anew(method, options, positioning or {}, (former.method, former.options))
+        drive = drives.request_reprocess(session, drive_id, *chosen)
         if drive is not None:
             queue.enqueue(session, drive.id, drive.generation)
     if drive is not None:

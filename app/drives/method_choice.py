@@ -7,69 +7,57 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 from fastapi import Query
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from app.core.errors import BadRequestError
 from app.core.settings import Settings
 from fusion.errors import BadOptionsError
 from fusion.registry import DEFAULT_METHOD, METHOD_NAMES, RequestMost, check_columns, unknown_name
 
-MethodQuery = Annotated[
-    str | None,
-    Query(
+
+class MethodRequest(BaseModel):
+    """The estimator, its options and how positions are computed, as query parameters."""
+
+    method: str | None = Field(
+        None,
         description="The estimator (`versant methods` lists them); unset: the service's default.",
         examples=[DEFAULT_METHOD],
-    ),
-]
-OptionsQuery = Annotated[
-    str | None,
-    Query(description="Options of the method, a JSON object.", examples=['{"particles": 10000}']),
-]
-OptionQuery = Annotated[
-    list[str],
-    Query(description="One option as `name:value`; may be repeated.", examples=[["particles:10000"]]),
-]
-
-GnssQuery = Annotated[
-    str | None,
-    Query(
+    )
+    options: str | None = Field(
+        None, description="Options of the method, a JSON object.", examples=['{"particles": 10000}']
+    )
+    option: list[str] = Field(
+        [], description="One option as `name:value`; may be repeated.", examples=[["particles:10000"]]
+    )
+    gnss: str | None = Field(
+        None,
         description="How positions are computed (`versant methods` lists the ways), short for the option `gnss` of "
         "every method.",
         examples=["receiver"],
-    ),
-]
-GnssOptionQuery = Annotated[
-    list[str],
-    Query(
+    )
+    gnss_option: list[str] = Field(
+        [],
         description="One option of that as `name:value`, short for one in `gnss_options`; may be repeated.",
         examples=[[]],
-    ),
-]
+    )
 
-ColumnsQuery = Annotated[
-    list[str],
-    Query(
-        description="One column of a CSV that is called otherwise, as `versant_name=name in the header`; may be "
-        "repeated. Short for the option `columns` of every method.",
-        examples=[["alt_msl_m=Altitude"]],
-    ),
-]
+    def asked_options(self) -> dict[str, Any] | None:
+        """The options of the query parameters together; None where there are none.
+
+        A value after the colon is JSON where it can be, else text. Raises ``BadRequestError``.
+        """
+        if self.options is None and not self.option:
+            return None
+        from_json = _json_object(self.options) if self.options is not None else {}
+        return from_json | _pairs(self.option, "option")
+
+
+MethodQuery = Annotated[MethodRequest, Query()]
 
 
 def default_method(settings: Settings) -> str:
     """The default estimator: that of the settings, else the library's."""
     return settings.default_method or DEFAULT_METHOD
-
-
-def asked_options(options: str | None, option: Sequence[str]) -> dict[str, Any] | None:
-    """The options of the query parameters together; None where there are none.
-
-    A value after the colon is JSON where it can be, else text. Raises ``BadRequestError``.
-    """
-    if options is None and not option:
-        return None
-    from_json = _json_object(options) if options is not None else {}
-    return from_json | _pairs(option, "option")
 
 
 def asked_positioning(gnss: str | None, gnss_option: Sequence[str]) -> dict[str, Any]:
@@ -111,6 +99,24 @@ def with_positioning(options: Mapping[str, Any], positioning: Mapping[str, Any])
     if "gnss" in combined and positioning.get("gnss", combined["gnss"]) != combined["gnss"]:
         combined.pop("gnss_options", None)
     return combined | dict(positioning)
+
+
+def chosen_anew(
+    method: str | None,
+    options: Mapping[str, Any] | None,
+    positioning: Mapping[str, Any],
+    had: tuple[str, Mapping[str, Any]],
+) -> tuple[str, dict[str, Any]]:
+    """The method and the options for another run of a drive that ``had`` these: both of them where none is named.
+
+    With a method alone that method's defaults. Raises what ``check_options`` does.
+    """
+    former_method, former_options = had
+    chosen = former_options if method is None and options is None else options or {}
+    chosen = with_positioning(with_columns_kept(chosen, former_options), positioning)
+    estimator = former_method if method is None else method
+    check_options(estimator, chosen)
+    return estimator, chosen
 
 
 def check_options(method: str, options: Mapping[str, Any]) -> None:

@@ -6,6 +6,7 @@ import uuid
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Query, Request, Response
+from pydantic import BaseModel, Field
 
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, existing, link, problems, with_query
@@ -27,88 +28,60 @@ from app.drives.documents import (
 )
 from app.drives.listing import Direction, Order, Sort, cursor, default_direction, place_of
 from app.drives.method_choice import (
-    GnssOptionQuery,
-    GnssQuery,
     MethodQuery,
-    OptionQuery,
-    OptionsQuery,
-    asked_options,
     asked_positioning,
-)
-
-LIST_PARAMETERS = frozenset(
-    [
-        "status",
-        "failure",
-        "created_after",
-        "created_before",
-        "batch",
-        "q",
-        "sort",
-        "order",
-        "limit",
-        "after",
-        "before",
-    ]
 )
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
 
+class DriveListRequest(BaseModel):
+    """Which drives a list shows, in which order, and where its page begins, as query parameters."""
+
+    status: DriveStatus | None = Field(None, description="Only drives of this status.")
+    failure: Name | None = Field(
+        None, description="Only drives that failed for this reason.", examples=["no-match"]
+    )
+    created_after: Time | None = Field(None, description="Only drives uploaded then or later.")
+    created_before: Time | None = Field(None, description="Only drives uploaded before.")
+    batch: int | None = Field(
+        None, ge=1, le=2**63 - 1, description="Only drives that were last asked for with this batch."
+    )
+    q: Name | None = Field(
+        None,
+        description="Only drives whose file's name has words that begin so (a number is a word of its own), or "
+        "whose id begins so (8 digits at least).",
+        examples=["karlsruhe 2026"],
+    )
+    sort: Sort = Field(
+        Sort.CREATED_AT, description="What the drives are ordered by; what is not known comes last."
+    )
+    order: Direction | None = Field(
+        None, description="Which end comes first. Unset: `asc` for `filename` and `status`, else `desc`."
+    )
+    limit: int = Field(100, ge=1, le=1000, description="Drives per page.")
+    after: str | None = Field(
+        None, description="Where the page begins; only `next` links know what to write here."
+    )
+    before: str | None = Field(
+        None, description="Where the page ends; only `prev` links know what to write here."
+    )
+
+
 @router.get("", summary="List drives", responses=problems(422, 503))
 def list_drives(
-    request: Request,
-    service: ServiceDep,
-    base: BaseUrl,
-    status: Annotated[DriveStatus | None, Query(description="Only drives of this status.")] = None,
-    failure: Annotated[
-        Name | None, Query(description="Only drives that failed for this reason.", examples=["no-match"])
-    ] = None,
-    created_after: Annotated[Time | None, Query(description="Only drives uploaded then or later.")] = None,
-    created_before: Annotated[Time | None, Query(description="Only drives uploaded before.")] = None,
-    batch: Annotated[
-        int | None,
-        Query(ge=1, le=2**63 - 1, description="Only drives that were last asked for with this batch."),
-    ] = None,
-    q: Annotated[
-        Name | None,
-        Query(
-            description="Only drives whose file's name has words that begin so (a number is a word of its own), or "
-            "whose id begins so (8 digits at least).",
-            examples=["karlsruhe 2026"],
-        ),
-    ] = None,
-    sort: Annotated[
-        Sort, Query(description="What the drives are ordered by; what is not known comes last.")
-    ] = Sort.CREATED_AT,
-    order: Annotated[
-        Direction | None,
-        Query(description="Which end comes first. Unset: `asc` for `filename` and `status`, else `desc`."),
-    ] = None,
-    limit: Annotated[int, Query(ge=1, le=1000, description="Drives per page.")] = 100,
-    after: Annotated[
-        str | None, Query(description="Where the page begins; only `next` links know what to write here.")
-    ] = None,
-    before: Annotated[
-        str | None, Query(description="Where the page ends; only `prev` links know what to write here.")
-    ] = None,
+    request: Request, service: ServiceDep, base: BaseUrl, query: Annotated[DriveListRequest, Query()]
 ) -> DriveList:
     """Newest upload first, unless another order is asked for. Follow the `next` link until there is none.
 
     Each drive comes once; one whose place in the order changes meanwhile (its status, say) may come again or be missed.
     """
-    refuse_unknown(request, LIST_PARAMETERS, BadRequestError)
+    refuse_unknown(request, DriveListRequest.model_fields, BadRequestError)
+    after, before, limit = query.after, query.before, query.limit
     if after is not None and before is not None:
         raise BadRequestError("before: say either after or before.", field="before")
-    by = Order(sort, (order or default_direction(sort)) is Direction.DESC)
-    filters: dict[str, Any] = {
-        "status": status,
-        "failure": failure,
-        "created_after": created_after,
-        "created_before": created_before,
-        "batch": batch,
-        "q": q,
-    }
+    by = Order(query.sort, (query.order or default_direction(query.sort)) is Direction.DESC)
+    filters = query.model_dump(exclude={"sort", "order", "limit", "after", "before"})
     places: dict[str, Any] = {
         "after": None if after is None else place_of(by, after, "after"),
         "before": None if before is None else place_of(by, before, "before"),
@@ -117,19 +90,19 @@ def list_drives(
         listed = drives.list_drives(session, **filters, order=by, limit=limit + 1, **places)
     more = len(listed) > limit
     shown = listed[-limit:] if before is not None else listed[:limit]
-    query = filters | {
-        "created_after": created_after and created_after.isoformat(),
-        "created_before": created_before and created_before.isoformat(),
-        "sort": None if sort is Sort.CREATED_AT else sort,
-        "order": order,
+    asked = filters | {
+        "created_after": query.created_after and query.created_after.isoformat(),
+        "created_before": query.created_before and query.created_before.isoformat(),
+        "sort": None if query.sort is Sort.CREATED_AT else query.sort,
+        "order": query.order,
         "limit": limit,
     }
     here = f"{base}/v1/drives"
-    links = [link(with_query(here, **query, after=after, before=before), "self")]
+    links = [link(with_query(here, **asked, after=after, before=before), "self")]
     if shown and (more or before is not None):
-        links.append(link(with_query(here, **query, after=_cursor(by, shown[-1])), "next"))
+        links.append(link(with_query(here, **asked, after=_cursor(by, shown[-1])), "next"))
     if shown and (more if before is not None else after is not None):
-        links.append(link(with_query(here, **query, before=_cursor(by, shown[0])), "prev"))
+        links.append(link(with_query(here, **asked, before=_cursor(by, shown[0])), "prev"))
     return DriveList(drives=[linked(base, drive) for drive in shown], links=links)
 
 
@@ -164,11 +137,7 @@ def reprocess_drive(
     service: ServiceDep,
     base: BaseUrl,
     response: Response,
-    method: MethodQuery = None,
-    options: OptionsQuery = None,
-    option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
-    gnss: GnssQuery = None,
-    gnss_option: GnssOptionQuery = [],  # noqa: B006
+    query: MethodQuery,
     body: Annotated[ReprocessRequest | None, Body(description="The same as the query parameters.")] = None,
 ) -> DriveAccepted:
     """Queue the drive again, perhaps for another method or with other options.
@@ -177,11 +146,11 @@ def reprocess_drive(
     `gnss_option` change how positions are computed, and nothing else.
     What it published stays until the new run replaces it.
     """
-    wanted_options = asked_options(options, option)
+    method, gnss, wanted_options = query.method, query.gnss, query.asked_options()
     if body is not None:
         method, gnss = method or body.method, gnss or body.gnss
         wanted_options = body.options if wanted_options is None else wanted_options
-    positioning = asked_positioning(gnss, gnss_option)
+    positioning = asked_positioning(gnss, query.gnss_option)
     drive = existing(
         intake.reprocess(service.sessions, drive_id, method, wanted_options, positioning), "drive", drive_id
     )

@@ -49,11 +49,13 @@ _GET_BY_CONTENT = text(
 )
 
 # Answered from the indexes of the orders, of the status and of the failure: what is not asked for is left out.
-_OF_STATUS = " AND d.status = :status"
-_OF_FAILURE = " AND d.status = 'failed' AND d.failure_kind = :failure"
-_SINCE = " AND d.created_at >= :created_after"
-_UNTIL = " AND d.created_at < :created_before"
-_OF_BATCH = " AND d.batch_id = :batch"
+_FILTERS = {
+    "status": " AND d.status = :status",
+    "failure": " AND d.status = 'failed' AND d.failure_kind = :failure",
+    "created_after": " AND d.created_at >= :created_after",
+    "created_before": " AND d.created_at < :created_before",
+    "batch": " AND d.batch_id = :batch",
+}
 # Another upload of the same bytes or content that has not committed yet is waited for.
 _CREATE = text(
     """
@@ -186,18 +188,15 @@ def list_drives(
     Those for which all holds that is said: their status, the kind of their failure, uploaded then or later, before
     that, of a batch, with words of ``q`` in the file's name.
     """
-    candidates: dict[str, dict[str, Any]] = {
-        _OF_STATUS: {"status": status},
-        _OF_FAILURE: {"failure": failure},
-        _SINCE: {"created_after": created_after},
-        _UNTIL: {"created_before": created_before},
-        _OF_BATCH: {"batch": batch},
+    asked: dict[str, Any] = {
+        "status": status,
+        "failure": failure,
+        "created_after": created_after,
+        "created_before": created_before,
+        "batch": batch,
     }
-    filters = {condition: named for condition, named in candidates.items() if None not in named.values()}
-    conditions, values = (
-        "".join(filters),
-        {name: value for named in filters.values() for name, value in named.items()},
-    )
+    values = {name: value for name, value in asked.items() if value is not None}
+    conditions = "".join(_FILTERS[name] for name in values)
     if q is not None:
         named_so, words = matching(session, q)
         conditions, values = conditions + named_so, values | words

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import uuid
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -52,17 +52,6 @@ _DROP_OLD_PICTURES = text(
 )
 
 
-@dataclass(frozen=True)
-class StoredTrack:
-    """A drive's track; ``segment_id`` is the database's id of the matched segment, -1 where unmatched.
-
-    ``track.segment`` holds the same ids. A segment that a later road import dropped keeps its id here.
-    """
-
-    track: Track
-    segment_id: Ints
-
-
 _COLUMN_NAMES = {"after_outage": "starts"}
 """Fields of ``Track`` that stored tracks know by another name."""
 
@@ -80,8 +69,8 @@ def save_track(
     session.execute(_SAVE, values)
 
 
-def read_track(session: Session, drive_id: uuid.UUID) -> StoredTrack | None:
-    """The track of a drive's last successful run, or None."""
+def read_track(session: Session, drive_id: uuid.UUID) -> Track | None:
+    """The track of a drive's last successful run (as ``decode`` has it), or None."""
     data = session.execute(_TRACK, {"drive_id": drive_id}).scalar()
     return None if data is None else decode(data)
 
@@ -122,12 +111,16 @@ def encode(track: Track, segment_ids: Ints) -> bytes:
     return stream(columns)
 
 
-def decode(data: bytes) -> StoredTrack:
-    """The inverse of ``encode``, bit for bit."""
+def decode(data: bytes) -> Track:
+    """The inverse of ``encode``, bit for bit.
+
+    ``segment`` is the database's id of the matched segment, -1 where unmatched. A segment that a later road import
+    dropped keeps its id here.
+    """
     table = pa.ipc.open_stream(data).read_all()
     names = [(spec.name, _COLUMN_NAMES.get(spec.name, spec.name)) for spec in fields(Track)]
     columns = {name: table.column(stored).to_numpy().copy() for name, stored in names}
-    return StoredTrack(track=Track(**columns), segment_id=columns["segment"])
+    return Track(**columns)
 
 
 def encode_measurements(measurements: DrawnMeasurements) -> bytes:

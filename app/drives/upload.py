@@ -6,10 +6,11 @@ SQL.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import anyio
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from app.core.blobs import BlobStore, StoredBlob
@@ -20,14 +21,8 @@ from app.core.settings import Settings
 from app.drives import intake
 from app.drives.documents import DriveAccepted, accepted, drive_address
 from app.drives.method_choice import (
-    ColumnsQuery,
-    GnssOptionQuery,
-    GnssQuery,
-    MethodQuery,
-    OptionQuery,
-    OptionsQuery,
+    MethodRequest,
     asked_columns,
-    asked_options,
     asked_positioning,
     check_options,
     default_method,
@@ -72,6 +67,22 @@ _BODY: dict[str, Any] = {
 _LOCATION = {"Location": {"description": "The drive.", "schema": {"type": "string", "format": "uri"}}}
 
 
+class UploadRequest(MethodRequest):
+    """How a log is to be computed and read, as query parameters."""
+
+    columns: list[str] = Field(
+        [],
+        description="One column of a CSV that is called otherwise, as `versant_name=name in the header`; may be "
+        "repeated. Short for the option `columns` of every method.",
+        examples=[["alt_msl_m=Altitude"]],
+    )
+    filename: str | None = Field(
+        None,
+        description="Name of the file where the body is the log itself; also `X-Filename`.",
+        examples=["monday.ubx"],
+    )
+
+
 @router.post(
     "",
     status_code=202,
@@ -93,17 +104,7 @@ async def upload_drive(
     response: Response,
     service: ServiceDep,
     base: BaseUrl,
-    method: MethodQuery = None,
-    options: OptionsQuery = None,
-    option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
-    gnss: GnssQuery = None,
-    gnss_option: GnssOptionQuery = [],  # noqa: B006
-    columns: ColumnsQuery = [],  # noqa: B006
-    filename: str | None = Query(
-        None,
-        description="Name of the file where the body is the log itself; also `X-Filename`.",
-        examples=["monday.ubx"],
-    ),
+    query: Annotated[UploadRequest, Query()],
 ) -> DriveAccepted:
     """Store a log and queue it. The answer comes as soon as it is stored; follow the drive at `Location`.
 
@@ -113,11 +114,10 @@ async def upload_drive(
     first bytes tell: 415 if they are of no known kind, 422 if a header lacks what a log must have.
     """
     settings = service.settings
-    estimator = method or default_method(settings)
-    wanted_options = with_positioning(
-        asked_options(options, option) or {}, asked_positioning(gnss, gnss_option)
-    )
-    wanted_options |= asked_columns(columns)
+    estimator = query.method or default_method(settings)
+    positioning = asked_positioning(query.gnss, query.gnss_option)
+    wanted_options = with_positioning(query.asked_options() or {}, positioning)
+    wanted_options |= asked_columns(query.columns)
     check_options(estimator, wanted_options)
     look = FirstLook(wanted_options.get("columns"))
     blob, name = await receive_upload(request, service.blobs, settings, look)

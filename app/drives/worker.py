@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import threading
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from datetime import timedelta
 from functools import partial
@@ -18,8 +18,9 @@ from app.changes import store as changes
 from app.changes.store import begin_epoch
 from app.changes.webhooks import telling
 from app.changes.webhooks.telling import Teller
-from app.core.db import make_engine, session_factory
+from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
+from app.core.settings.places import FilePlace
 from app.core.telemetry import audit
 from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
 from app.drives import claims, intake, publishing
@@ -28,7 +29,6 @@ from app.drives.batches.removing import removing_task
 from app.drives.batches.touched import queue_touched
 from app.drives.process import give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
-from app.drives.renewal import HeightFiller, renew
 from app.drives.trials.run import TRIAL
 from app.exports.run import EXPORT
 from app.jobs.context import JobContext
@@ -39,9 +39,12 @@ from app.jobs.task import Task, Work
 from app.jobs.worker import Chore, Worker, in_thread
 from app.map import figures
 from app.map.derived import following
+from app.network.marks import append_marks
+from app.network.publish import left_over
 from app.operations.run import OPERATION
 from app.roads import retired
-from app.terrain.files import sweep_rasters
+from app.terrain.files import add_bounds, sweep_rasters
+from app.terrain.heights import fill_heights, renewing
 
 logger = logging.getLogger(__name__)
 
@@ -232,3 +235,55 @@ def _sweep(context: JobContext, settings: Settings) -> None:
         and (rasters := sweep_rasters(context.sessions, context.dem_dir, older_than))
     ):
         logger.info("removed %d elevation rasters that are in no use any more", len(rasters))
+
+
+def renew(sessions: Sessions) -> None:
+    """What an update left, and takes no time to speak of: drives without a job get one, remains are cleared away.
+
+    A migration marks what its model cannot use any more and the workers see to the rest, at their start and again and
+    again. It may be cut off at any moment and done twice.
+    """
+    if count := enqueuing.give_jobs(sessions):
+        logger.info(
+            "%d drives are computed again, behind uploads; GET /v1/drives/reprocess tells how far", count
+        )
+    if count := clear_remains(sessions):
+        logger.info("%d segments lose a slope that no drive stands behind any more", count)
+
+
+class HeightFiller:
+    """Fills heights of the elevation model in, a piece at each call: of a country that takes minutes.
+
+    First those that a change of the rasters left to be renewed, whose maker may be gone, then those of before heights
+    were kept. Drives do not wait for it. The roads of each are filled in before it is solved
+    (``fill_heights_along``).
+    """
+
+    def __init__(self, sessions: Sessions, dem_dir: FilePlace) -> None:
+        self._sessions, self._dem_dir, self._after_id = sessions, dem_dir, 0
+        self._renewing: Iterator[float] = iter(())
+        self._knows_bounds = False
+
+    def piece(self) -> bool:
+        """The next piece; whether there may be more."""
+        if not self._knows_bounds:
+            add_bounds(self._sessions, self._dem_dir)
+            self._knows_bounds = True
+        if next(self._renewing, None) is not None:
+            return True
+        self._renewing = renewing(self._sessions, self._dem_dir, wait=False)
+        if next(self._renewing, None) is not None:
+            return True
+        last = fill_heights(self._sessions, self._dem_dir, self._after_id)
+        if last is None and self._after_id:
+            logger.info("heights of the elevation model are filled in")
+        self._after_id = last or 0
+        return last is not None
+
+
+def clear_remains(sessions: Sessions) -> int:
+    """Let what is published of a former model and no drive is about to say again go; of how many segments."""
+    with sessions.begin() as session:
+        remains = left_over(session)
+        append_marks(session, (), remains)
+    return len(remains)

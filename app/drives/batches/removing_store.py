@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from app.drives.batches.documents import Selection
 from app.drives.batches.selection import conditions
+from app.drives.documents import DrivePlace
 from app.drives.queue import BEHIND, REMOVE_DRIVE, jobs_behind
 from app.drives.store import CANCELLED, forget
 from app.jobs.task import Kind, add_job
@@ -69,13 +70,6 @@ class Sums(NamedTuple):
     uploaded_bytes: int
 
 
-class Place(NamedTuple):
-    """Of a drive in the order of uploads."""
-
-    created_at: datetime
-    id: uuid.UUID
-
-
 def sums_of(session: Session, targets: Targets) -> Sums:
     """What would go now. Reads the whole table."""
     where, values = _where(targets, None)
@@ -93,8 +87,8 @@ def ask(session: Session, targets: Targets) -> datetime:
 
 
 def remove_piece(
-    session: Session, targets: Targets, asked_at: datetime, after: Place | None
-) -> tuple[int, Place | None]:
+    session: Session, targets: Targets, asked_at: datetime, after: DrivePlace | None
+) -> tuple[int, DrivePlace | None]:
     """Cancel the next drives after a place; how many, and the last of them: None, there are no more."""
     where, values = _where(targets, asked_at)
     if after is not None:
@@ -102,7 +96,7 @@ def remove_piece(
     session.execute(_ONE_BY_ONE)
     row = session.execute(text(_REMOVE.format(meant=where)), {**values, "piece": PIECE_DRIVES}).one()
     forget(session, row.ids)
-    return row.drives, None if row.id is None else Place(row.created_at, row.id)
+    return row.drives, None if row.id is None else DrivePlace(row.created_at, row.id)
 
 
 def _where(targets: Targets, asked_at: datetime | None) -> tuple[str, Mapping[str, Any]]:

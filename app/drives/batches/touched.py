@@ -7,7 +7,6 @@ a worker or the command that imported queues them. What a drive has published st
 from __future__ import annotations
 
 from sqlalchemy import text
-from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.drives.batches.store import BEFORE_BATCH, PIECE_DRIVES
@@ -51,14 +50,9 @@ def queue_touched(sessions: Sessions) -> int:
     count = 0
     while True:
         with sessions.begin() as session:
-            looked_at, drives = _piece(session)
-        count += drives
-        if looked_at < PIECE_DRIVES:
+            if not session.execute(_ANY).scalar_one() or roads_change(session):
+                return count
+            row = session.execute(_QUEUE, {"piece": PIECE_DRIVES, "roads": ROADS, "traceparent": None}).one()
+        count += int(row.drives)
+        if row.looked_at < PIECE_DRIVES:
             return count
-
-
-def _piece(session: Session) -> tuple[int, int]:
-    if not session.execute(_ANY).scalar_one() or roads_change(session):
-        return 0, 0
-    row = session.execute(_QUEUE, {"piece": PIECE_DRIVES, "roads": ROADS, "traceparent": None}).one()
-    return int(row.looked_at), int(row.drives)

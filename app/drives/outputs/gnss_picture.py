@@ -5,7 +5,6 @@ Loads matplotlib: import it where a picture is wanted.
 
 from __future__ import annotations
 
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.projections.polar import PolarAxes
 
-from app.drives.outputs.profile_picture import MUTED, SEGMENT, printable
+from app.drives.outputs.profile_picture import MUTED, SEGMENT, printable, written
 from fusion.gnss.measurements import Measurements, Solution
 from fusion.published.positioning.laws import LawTest, fit_law, quantile_pairs
 from fusion.types import Floats
@@ -40,10 +39,7 @@ _STRIP_PT = 190.0
 
 def gnss_png(measured: Measurements, solution: Solution, laws: list[LawTest], title: str) -> bytes:
     """A PNG of ``gnss_figure``."""
-    buffer = BytesIO()
-    figure = gnss_figure(measured, solution, laws, printable(title))
-    figure.savefig(buffer, format="png", metadata={"Software": "Versant"})
-    return buffer.getvalue()
+    return written(gnss_figure(measured, solution, laws, printable(title)), "png")
 
 
 def gnss_figure(measured: Measurements, solution: Solution, laws: list[LawTest], title: str) -> Figure:

@@ -14,7 +14,6 @@ from fusion.terrain.datum import ELLIPSOID
 from fusion.types import PAUSE_S, Floats, Ints, Track
 
 TIME_DIGITS, SPEED_DIGITS, ANGLE_DIGITS = 3, 3, 3
-POINTS_AT_ONCE = 1000
 _NO_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 has no way to write."""
 
@@ -74,13 +73,9 @@ def track_gpx(track: Track, name: str, height_words: str) -> Iterator[str]:
         times,
     )
     starts = (np.diff(track.time_s[keep], prepend=-np.inf) > PAUSE_S) | track.after_outage[keep]
-    waiting: list[str] = []
     for number, point in enumerate(zip(*columns, starts.tolist(), strict=True)):
-        waiting.append(_point(number, *point))
-        if len(waiting) >= POINTS_AT_ONCE:
-            yield "".join(waiting)
-            waiting = []
-    yield "".join(waiting) + ("</trkseg>\n" if times else "") + "</trk>\n</gpx>\n"
+        yield _point(number, *point)
+    yield ("</trkseg>\n" if times else "") + "</trk>\n</gpx>\n"
 
 
 def _point(

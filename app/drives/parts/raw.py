@@ -55,8 +55,16 @@ async def drive_measurements(
 
     `points` is of each sensor. Methods that tell of no measurements have none.
     """
+
+    def answer() -> Response:
+        with service.reading() as session:
+            drive, track = drive_and_track(session, drive_id)
+            profile = drive_profile(session, drive_id, track)
+            measurements = tracks.read_measurements(session, drive_id)
+        return measurements_answer({"drive_id": str(drive.id)}, profile, measurements, points)
+
     async with service.request_classes[PARTS].place():
-        return await run_in_threadpool(_measurements_answer, service, drive_id, points)
+        return await run_in_threadpool(answer)
 
 
 @router.get(
@@ -110,11 +118,3 @@ def _name(drive: Drive, file: BinaryIO) -> str:
     head = file.read(len(ZIP))
     file.seek(0)
     return f"{drive.filename}.zip" if head == ZIP else drive.filename
-
-
-def _measurements_answer(service: Service, drive_id: uuid.UUID, points: int | None) -> Response:
-    with service.reading() as session:
-        drive, stored = drive_and_track(session, drive_id)
-        profile = drive_profile(session, drive_id, stored)
-        measurements = tracks.read_measurements(session, drive_id)
-    return measurements_answer({"drive_id": str(drive.id)}, profile, measurements, points)

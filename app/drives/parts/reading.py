@@ -26,10 +26,9 @@ from app.drives.outputs.measurements import measurements_json
 from app.drives.outputs.profile import Profile, RoadFacts, build_profile
 from app.drives.outputs.profile_document import profile_csv, profile_json
 from app.drives.outputs.thinning import LEAST, MOST
-from app.drives.tracks import StoredTrack
 from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import DriveSegmentRow
-from fusion.types import DrawnMeasurements, Ints
+from fusion.types import DrawnMeasurements, Track
 
 CSV = "text/csv"
 ESTIMATES = {"geojson": GEO_JSON, "csv": CSV}
@@ -73,20 +72,23 @@ ESTIMATES_CONTENT = {
 }
 
 
-def drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[Drive, StoredTrack]:
+def drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[Drive, Track]:
     """The drive and the track of its last successful run; ``NotFoundError`` says why there is none."""
     drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
-    stored = tracks.read_track(session, drive_id)
-    if stored is None:
+    track = tracks.read_track(session, drive_id)
+    if track is None:
         reason = f" It failed: {drive.failure.reason}" if drive.failure else " Look again when it is done."
         raise NotFoundError(f"The drive {drive_id} is {drive.status} and has no track.{reason}")
-    return drive, stored
+    return drive, track
 
 
-def road_facts(session: Session, segment_id: Ints) -> dict[int, RoadFacts]:
-    """The facts of the segments of these epochs, by id; -1 is none, and one that an import dropped has none."""
-    ids = np.unique(segment_id[segment_id >= 0])
-    return {
+def profile_of(session: Session, track: Track, slopes: Mapping[int, tuple[float, float]]) -> Profile:
+    """The profile of a track with these slopes, and what the map knows of the roads that it is on.
+
+    Of a road that an import dropped it knows nothing.
+    """
+    ids = np.unique(track.segment[track.segment >= 0])  # -1 is none
+    facts = {
         number: RoadFacts.between(
             (lon0, lat0), (lon1, lat1), bridge=bridge, tunnel=tunnel, length_m=length_m, dem_heights_m=heights
         )
@@ -94,23 +96,14 @@ def road_facts(session: Session, segment_id: Ints) -> dict[int, RoadFacts]:
             session, _ROADS, {"ids": ids}
         )
     }
+    return build_profile(track, track.segment, slopes, facts)
 
 
-def own_slopes(session: Session, drive_id: uuid.UUID) -> dict[int, tuple[float, float]]:
-    """Slope and sigma of each segment from a drive alone, percent, from_node -> to_node."""
+def drive_profile(session: Session, drive_id: uuid.UUID, track: Track) -> Profile:
+    """The profile of a drive's track with its own slopes: those from the drive alone, from_node -> to_node."""
     rows = session.execute(_SLOPES, {"drive_id": drive_id})
-    return {row.segment_id: (row.slope_percent, row.slope_sigma_percent) for row in rows}
-
-
-def profile_of(session: Session, stored: StoredTrack, slopes: Mapping[int, tuple[float, float]]) -> Profile:
-    """The profile of a track with these slopes, and what the map knows of the roads that it is on."""
-    facts = road_facts(session, stored.segment_id)
-    return build_profile(stored.track, stored.segment_id, slopes, facts)
-
-
-def drive_profile(session: Session, drive_id: uuid.UUID, stored: StoredTrack) -> Profile:
-    """The profile of a drive's track with its own slopes."""
-    return profile_of(session, stored, own_slopes(session, drive_id))
+    slopes = {row.segment_id: (row.slope_percent, row.slope_sigma_percent) for row in rows}
+    return profile_of(session, track, slopes)
 
 
 def form_of(f: str | None, accept: str | None, forms: Mapping[str, str]) -> str:

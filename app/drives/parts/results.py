@@ -109,16 +109,16 @@ def drive_track(
     """
     form = form_of(f, request.headers.get("accept"), TRACKS)
     with service.reading() as session:
-        drive, stored = drive_and_track(session, drive_id)
+        drive, track = drive_and_track(session, drive_id)
     report, stem = drive.report or {}, stem_of(drive.filename)
     if form == "csv":
-        chunks, headers = track_csv(stored.track, report.get("height_datum")), as_file(f"{stem}-track.csv")
+        chunks, headers = track_csv(track, report.get("height_datum")), as_file(f"{stem}-track.csv")
     elif form == "gpx":
-        chunks = track_gpx(stored.track, drive.filename, datum_words(report))
+        chunks = track_gpx(track, drive.filename, datum_words(report))
         headers = as_file(f"{stem}-track.gpx")
     else:
         links = documents([link(f"{drive_address(base, drive)}/track", "self", GEO_JSON)])
-        chunks, headers = track_chunks(stored.track, stored.segment_id, {"links": links}), VARY
+        chunks, headers = track_chunks(track, track.segment, {"links": links}), VARY
     return StreamingResponse(in_blocks(chunks), media_type=TRACKS[form], headers=headers)
 
 
@@ -222,8 +222,8 @@ def drive_segments(
 
 def _profile_text(service: Service, drive_id: uuid.UUID, form: str, points: int | None) -> Response:
     with service.reading() as session:
-        drive, stored = drive_and_track(session, drive_id)
-        profile = fewer(drive_profile(session, drive_id, stored), points)
+        drive, track = drive_and_track(session, drive_id)
+        profile = fewer(drive_profile(session, drive_id, track), points)
     return profile_answer(form, profile, {"drive_id": str(drive.id)}, stem_of(drive.filename))
 
 
@@ -239,8 +239,8 @@ def _picture(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
     if drawn := _kept_picture(service, drive_id):
         return drawn
     with service.reading() as session:
-        drive, stored = drive_and_track(session, drive_id)
-        profile = drive_profile(session, drive_id, stored)
+        drive, track = drive_and_track(session, drive_id)
+        profile = drive_profile(session, drive_id, track)
         measurements = tracks.read_measurements(session, drive_id)
     datum = datum_words(drive.report or {})
     picture = drawing.profile(profile, drive.filename, measurements, datum)

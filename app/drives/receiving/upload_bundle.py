@@ -67,16 +67,9 @@ class UploadBundle:
         ``FirstLook`` does of files among which no log is.
         """
         names = ", ".join(self._names)[:FILENAME_LENGTH]
-        if self._zip is not None:
-            content: str | None = self._zip.finish()
-            self._check()
-            return self._writer.finish(content), names
-        if not self._writer.size_bytes:
-            raise BadRequestError(
-                "The upload is empty: it holds no bytes. Send the log's contents.", field="file"
-            )
-        content = self._content_of_zip() if is_zip(self._head) else None
-        self._check()
+        content = self._content()
+        if self._look is not None:
+            self._look.check()
         return self._writer.finish(content), names
 
     def discard(self) -> None:
@@ -88,15 +81,20 @@ class UploadBundle:
             for writer in {self._single, self._writer}:
                 writer.discard()
 
-    def _content_of_zip(self) -> str:
+    def _content(self) -> str | None:
+        """The identity of the files in a zip, ours or theirs; None of a file that is no zip."""
+        if self._zip is not None:
+            return self._zip.finish()
+        if not self._writer.size_bytes:
+            raise BadRequestError(
+                "The upload is empty: it holds no bytes. Send the log's contents.", field="file"
+            )
+        if not is_zip(self._head):
+            return None
         with self._writer.reopened() as file:
             if self._look is not None:
                 self._look.again()
             return content_of_zip(file, self._max_content_bytes, self._look)
-
-    def _check(self) -> None:
-        if self._look is not None:
-            self._look.check()
 
     def _begin(self, name: str) -> None:
         if len(self._names) == 1:

@@ -71,17 +71,9 @@ class Trial(Request):
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Trial:
         """The record of a row of the store."""
-        failure = None
-        if columns["status"] == "failed":
-            failure = Failure(
-                kind=columns["failure_kind"],
-                reason=columns["failure_reason"],
-                stage=columns["stage"],
-                where=columns["failure_where"],
-            )
         ended = columns["finished_at"]
         expires = None if ended is None else ended + KEPT
-        return cls.model_validate({**columns, "failure": failure, "expires_at": expires})
+        return cls.model_validate({**columns, "failure": Failure.of(columns), "expires_at": expires})
 
 
 class TrialList(BaseModel):

@@ -14,24 +14,13 @@ from starlette.concurrency import run_in_threadpool
 
 from app.core.admission import PARTS
 from app.core.errors import NotDoneError, NotFoundError
-from app.core.http import JSON, BaseUrl, Service, ServiceDep, existing, link, problems
+from app.core.http import JSON, BaseUrl, ServiceDep, existing, link, problems
 from app.core.http import link_documents as documents
 from app.core.text import GEO_JSON, dumps
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
-from app.drives.method_choice import (
-    GnssOptionQuery,
-    GnssQuery,
-    MethodQuery,
-    OptionQuery,
-    OptionsQuery,
-    asked_options,
-    asked_positioning,
-    check_options,
-    with_columns_kept,
-    with_positioning,
-)
+from app.drives.method_choice import MethodQuery, asked_positioning, chosen_anew
 from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
 from app.drives.outputs.profile import Profile
 from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA, fewer
@@ -92,15 +81,7 @@ def _of_trial(schema: dict[str, Any], example: dict[str, Any]) -> dict[str, Any]
     },
 )
 def add_trial(
-    drive_id: uuid.UUID,
-    service: ServiceDep,
-    base: BaseUrl,
-    response: Response,
-    method: MethodQuery = None,
-    options: OptionsQuery = None,
-    option: OptionQuery = [],  # noqa: B006 -- FastAPI copies the default
-    gnss: GnssQuery = None,
-    gnss_option: GnssOptionQuery = [],  # noqa: B006
+    drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, response: Response, query: MethodQuery
 ) -> TrialAccepted:
     """Compute the drive by another method or with other options, and look at the result beside the drive's own.
 
@@ -109,17 +90,13 @@ def add_trial(
     and is forgotten a week after its end; a drive has twenty at most (409). The same again answers with the same
     trial, and tries it again if it failed.
     """
-    chosen, positioning = asked_options(options, option), asked_positioning(gnss, gnss_option)
+    options, positioning = query.asked_options(), asked_positioning(query.gnss, query.gnss_option)
     with service.reading() as session:
         drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
-    chosen_method = method or drive.method
-    chosen_options = drive.options if method is None and chosen is None else chosen or {}
-    chosen_options = with_positioning(with_columns_kept(chosen_options, drive.options), positioning)
-    check_options(chosen_method, chosen_options)
+    method = drive.method if query.method == "" else query.method
+    chosen = chosen_anew(method, options, positioning, (drive.method, drive.options))
     with service.sessions.begin() as session:
-        trial, queued = store.ask(
-            session, drive_id, chosen_method, chosen_options, _sha256(chosen_method, chosen_options)
-        )
+        trial, queued = store.ask(session, drive_id, *chosen, _sha256(*chosen))
     response.status_code = 202 if queued else 200
     response.headers["Location"] = trial_address(base, trial)
     return accepted(base, trial)
@@ -176,8 +153,16 @@ async def trial_profile(
 ) -> Response:
     """As `/v1/drives/{drive_id}/profile`, with the trial's heights, grades and slopes. 409 until it is done."""
     form = form_of(f, request.headers.get("accept"), PROFILES)
+
+    def answer() -> Response:
+        with service.reading() as session:
+            trial, result = _done(session, drive_id, trial_id)
+            drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+            profile = fewer(_profile(session, result), points)
+        return profile_answer(form, profile, _ids(trial), f"{stem_of(drive.filename)}-{trial.method}")
+
     async with service.request_classes[PARTS].place():
-        return await run_in_threadpool(_profile_answer, service, drive_id, trial_id, form, points)
+        return await run_in_threadpool(answer)
 
 
 @router.get(
@@ -196,8 +181,16 @@ async def trial_measurements(
     drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None
 ) -> Response:
     """As `/v1/drives/{drive_id}/measurements`: what is taken off each depends on the method. 409 until it is done."""
+
+    def answer() -> Response:
+        with service.reading() as session:
+            trial, result = _done(session, drive_id, trial_id)
+            profile = _profile(session, result)
+        measured = None if result.measurements is None else tracks.decode_measurements(result.measurements)
+        return measurements_answer(_ids(trial), profile, measured, points)
+
     async with service.request_classes[PARTS].place():
-        return await run_in_threadpool(_measurements_answer, service, drive_id, trial_id, points)
+        return await run_in_threadpool(answer)
 
 
 @router.get(
@@ -234,26 +227,6 @@ def trial_segments(
     links = documents([link(f"{trial_address(base, trial)}/segments", "self", GEO_JSON)])
     members = {"attribution": attribution(), "numberReturned": len(rows), "links": links}
     return estimates_answer(form, rows, members, f"{stem_of(drive.filename)}-{trial.method}")
-
-
-def _profile_answer(
-    service: Service, drive_id: uuid.UUID, trial_id: uuid.UUID, form: str, points: int | None
-) -> Response:
-    with service.reading() as session:
-        trial, result = _done(session, drive_id, trial_id)
-        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
-        profile = fewer(_profile(session, result), points)
-    return profile_answer(form, profile, _ids(trial), f"{stem_of(drive.filename)}-{trial.method}")
-
-
-def _measurements_answer(
-    service: Service, drive_id: uuid.UUID, trial_id: uuid.UUID, points: int | None
-) -> Response:
-    with service.reading() as session:
-        trial, result = _done(session, drive_id, trial_id)
-        profile = _profile(session, result)
-    measurements = None if result.measurements is None else tracks.decode_measurements(result.measurements)
-    return measurements_answer(_ids(trial), profile, measurements, points)
 
 
 def _profile(session: Session, result: store.Result) -> Profile:

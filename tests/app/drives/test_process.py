@@ -67,14 +67,12 @@ def test_the_service_stores_the_numbers_of_the_library(
     assert track is not None
     for spec in fields(Track):
         if spec.name != "segment":
-            assert np.array_equal(
-                getattr(track.track, spec.name), getattr(result.track, spec.name), equal_nan=True
-            )
+            assert np.array_equal(getattr(track, spec.name), getattr(result.track, spec.name), equal_nan=True)
     assert (measured is None) == (result.measurements is None) == (method != "profile")
     if measured is not None and result.measurements is not None:
         assert measured.time_s.tolist() == result.measurements.time_s.tolist()
         np.testing.assert_allclose(measured.value, result.measurements.value, rtol=1e-6)
-    for index, segment_id in zip(result.track.segment.tolist(), track.segment_id.tolist(), strict=True):
+    for index, segment_id in zip(result.track.segment.tolist(), track.segment.tolist(), strict=True):
         assert (segment_id == -1) == (index == -1)
         if index >= 0:
             assert segment_of[segment_id].from_node == table.from_node[index]

@@ -10,10 +10,11 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.drives import intake
+from app.drives.batches.enqueuing import give_jobs
 from app.drives.batches.store import batch_progress
 from app.drives.documents import Drive
 from app.drives.process import Outcome
-from app.drives.renewal import HeightFiller, clear_remains, give_jobs, renew
+from app.drives.worker import HeightFiller, clear_remains, renew
 from app.jobs.context import JobContext
 from network_support import rows_of
 from processing_support import drive_now, process_drive, publish_all

@@ -41,11 +41,11 @@ def test_what_is_decoded_is_what_was_encoded(parts: tuple[np.ndarray, np.ndarray
     ids = np.array([11, 22, 33, 44, 55])
     stored = tracks.decode(tracks.encode(track, ids))
     for spec in fields(Track):
-        back, sent = getattr(stored.track, spec.name), getattr(track, spec.name)
+        back, sent = getattr(stored, spec.name), getattr(track, spec.name)
         assert back.dtype == sent.dtype
         if spec.name != "segment":
             assert back.tobytes() == np.ascontiguousarray(sent).tobytes()
-    assert stored.segment_id.tolist() == [ids[s] if s >= 0 else -1 for s in segment]
+    assert stored.segment.tolist() == [ids[s] if s >= 0 else -1 for s in segment]
 
 
 def test_a_later_track_replaces_the_former(
@@ -60,7 +60,7 @@ def test_a_later_track_replaces_the_former(
             tracks.save_track(session, drive, track, segment_ids)
         stored = tracks.read_track(session, drive)
     assert stored is not None
-    assert stored.segment_id.tolist() == [segment_ids[0]] * 3
+    assert stored.segment.tolist() == [segment_ids[0]] * 3
 
 
 def make_measurements(sensor: np.ndarray, values: np.ndarray) -> DrawnMeasurements:

@@ -17,7 +17,7 @@ from affine import Affine
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.drives.renewal import HeightFiller
+from app.drives.worker import HeightFiller
 from app.map import store as map_store
 from app.network.locks import own_network, share_network, try_share_network
 from app.roads import imports as roads

@@ -35,11 +35,7 @@ def measured(filled: Any, drive: str, n: int = 500) -> None:
     with filled.sessions.begin() as session:
         stored = tracks.read_track(session, uuid.UUID(drive))
         assert stored is not None
-        time_s = np.sort(
-            np.r_[
-                np.linspace(stored.track.time_s[0], stored.track.time_s[14], n), stored.track.time_s[14] + 900
-            ]
-        )
+        time_s = np.sort(np.r_[np.linspace(stored.time_s[0], stored.time_s[14], n), stored.time_s[14] + 900])
         value = np.r_[np.full(n, 170.0), 0.05 + np.zeros(n)]
         value[n + n // 3] = 0.25
         said = DrawnMeasurements(
@@ -50,7 +46,7 @@ def measured(filled: Any, drive: str, n: int = 500) -> None:
             value,
             np.repeat([True, False], n),
         )
-        tracks.save_track(session, uuid.UUID(drive), stored.track, np.arange(100), said)
+        tracks.save_track(session, uuid.UUID(drive), stored, np.arange(100), said)
 
 
 def get(filled: Any, drive: str, part: str, **headers: str) -> Any:
