@@ -1,7 +1,7 @@
 """The command line, ``versant``: one file per group of commands, loaded only when its command is named.
 
 It answers at once: a file of commands imports at its head what describes them, and inside a command what that
-one needs to run (hence their ``noqa: PLC0415``). ``versant --help`` imports none of these files.
+one needs to run. ``versant --help`` imports none of these files.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ app = typer.Typer(
 
 def _print_version(is_asked: bool) -> None:
     if is_asked:
-        from app.core.version import code_version  # noqa: PLC0415
+        from app.core.version import code_version
 
         typer.echo(f"versant {code_version()}")
         raise typer.Exit

@@ -1,7 +1,5 @@
 """``versant elevation``: the elevation rasters that are in use, which of them counts where, and their removal."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 import sys
@@ -21,16 +19,13 @@ if TYPE_CHECKING:
     from app.terrain.coverage import Effect
     from app.terrain.store import DemSource
 
-elevation = typer.Typer(no_args_is_help=True)
+elevation = typer.Typer(
+    no_args_is_help=True, help="List, rank or remove the elevation rasters that are in use."
+)
 app = typer.Typer(add_completion=False)
 app.add_typer(elevation, name="elevation")
 
 _MIB = 2**20
-
-
-@elevation.callback()
-def explain() -> None:
-    """List, rank or remove the elevation rasters that are in use."""
 
 
 @elevation.command("list")

@@ -1,7 +1,5 @@
 """``versant export``: the map as one file, or as a picture."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 from pathlib import Path

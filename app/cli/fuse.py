@@ -1,7 +1,5 @@
 """``versant fuse``: slopes from files, without a server and without a database."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 import re
@@ -43,7 +41,7 @@ def fuse(
     ),
     method: str = cli.opt("Estimator; `versant methods` lists them.", default=DEFAULT_METHOD),
     option: list[str] | None = cli.METHOD_OPTION,
-    gnss: cli.GnssName = DEFAULT_POSITIONING,
+    gnss: str = cli.gnss_name(DEFAULT_POSITIONING),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     together: bool = cli.TOGETHER,

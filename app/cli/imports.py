@@ -1,12 +1,11 @@
 """What the service's slopes rest on: roads, terrain and surveyed heights, and ``settle`` after a change of them."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,10 +15,7 @@ from app.cli.console import Console, write_json
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
 
 if TYPE_CHECKING:
-    from app.core.db import Sessions
-    from app.core.settings import Settings
-    from app.roads.documents import ImportCounts, Wishes
-    from fusion.types import Progress
+    from app.roads.documents import ImportCounts
 
 app = typer.Typer(add_completion=False)
 
@@ -58,10 +54,8 @@ def import_roads(
     """
     from app.roads.imports import import_roads as bring_in
 
-    def work(settings: Settings, factory: Sessions, wishes: Wishes, progress: Progress) -> ImportCounts:
-        return bring_in(factory, file, settings.dem_dir, progress, region=region, wishes=wishes)
-
-    _change_roads(ctx.obj, file.name, work, dry_run, yes, data_dir, json_file)
+    bring = partial(bring_in, path=file, region=region)
+    _change_roads(ctx.obj, file.name, bring, dry_run, yes, data_dir, json_file)
 
 
 @regions_app.command("list")
@@ -95,16 +89,13 @@ def remove_region(
     """Take a region off the map, but for roads that other regions have; importing it again brings all back in time."""
     from app.roads.imports import remove_region as remove
 
-    def work(settings: Settings, factory: Sessions, wishes: Wishes, progress: Progress) -> ImportCounts:
-        return remove(factory, name, settings.dem_dir, progress, wishes)
-
-    _change_roads(ctx.obj, name, work, dry_run, yes, data_dir, json_file)
+    _change_roads(ctx.obj, name, partial(remove, name=name), dry_run, yes, data_dir, json_file)
 
 
 def _change_roads(
     console: Console,
     what: str,
-    work: Callable[[Settings, Sessions, Wishes, Progress], ImportCounts],
+    bring: Callable[..., ImportCounts],
     dry_run: bool,
     yes: bool,
     data_dir: Path | None,
@@ -118,7 +109,7 @@ def _change_roads(
     started = time.perf_counter()
     with sessions(data_dir, make=console) as (settings, factory), console.progress() as bars:
         wishes = Wishes(dry_run=dry_run, accept_losses=yes, tolerance_m=settings.road_tolerance_m)
-        counts = work(settings, factory, wishes, bars.work(what))
+        counts = bring(factory, dem_dir=settings.dem_dir, progress=bars.work(what), wishes=wishes)
         if not dry_run:
             queue_touched(factory)
     seconds = time.perf_counter() - started

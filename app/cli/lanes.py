@@ -17,10 +17,10 @@ import subprocess
 import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import NoReturn, Self
+from typing import NoReturn
 
 from app.cli import compiling
 from app.cli.children import (
@@ -164,27 +164,16 @@ class ParentWatch:
             raise KeyboardInterrupt
 
 
-@dataclass
-class Compiler:
-    """Compiles in a process of its own, beside whatever else happens; use as a context manager, which ends it."""
-
-    arguments: Sequence[str] = ()
-    process: subprocess.Popen[bytes] | None = None
-
-    def __enter__(self) -> Self:
-        self.process = subprocess.Popen([*_COMPILE, *self.arguments], stdin=subprocess.DEVNULL)  # noqa: S603
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if self.process is not None and self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
-
-    def await_end(self, watch: ParentWatch, console: Console) -> None:
-        """Until it has ended; the watch may end it before."""
-        while self.process is not None and self.process.poll() is None:
-            watch.look_after(console)
-            time.sleep(_LOOK_EVERY_S)
+@contextmanager
+def _compiler(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Compile in a process of its own, beside whatever else happens; it ends with the block."""
+    process = subprocess.Popen([*_COMPILE, *arguments], stdin=subprocess.DEVNULL)  # noqa: S603
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
 
 
 def serve(settings: Settings, console: Console, prepare: Callable[[Settings], object]) -> None:
@@ -196,8 +185,10 @@ def serve(settings: Settings, console: Console, prepare: Callable[[Settings], ob
     watch, can_compile = ParentWatch(), compiling.can_be_kept()
     if can_compile and not compiling.is_compiled(first=True):
         console.note("The numerical code is compiled, once: the first drives wait a minute for it.")
-        with Compiler(("--first",)) as compiler:
-            compiler.await_end(watch, console)
+        with _compiler("--first") as process:
+            while process.poll() is None:
+                watch.look_after(console)  # which may end this
+                time.sleep(_LOOK_EVERY_S)
     compiling.load()
     gc.collect()
     # A collection writes into the header of every object it looks at: without this each lane would soon have its own
@@ -206,5 +197,5 @@ def serve(settings: Settings, console: Console, prepare: Callable[[Settings], ob
     with ExitStack() as stack:
         lanes = stack.enter_context(Lanes(settings, console, prepare=prepare))
         if can_compile and not compiling.is_compiled():
-            stack.enter_context(Compiler())
+            stack.enter_context(_compiler())
         lanes.look_after_all([watch])

@@ -1,10 +1,9 @@
 """``versant methods``: what can be chosen by name."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 import inspect
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +65,9 @@ def catalogue() -> dict[str, Any]:
             name: f"{item.description} ({', '.join(item.suffixes)})" for name, item in FORMATS.items()
         },
         "windows": {name: item.description for name, item in WINDOWS.items()},
-        "resamplers": {name: _first_line(item) for name, item in RESAMPLERS.items()},
+        "resamplers": {
+            name: (inspect.getdoc(item) or "").partition("\n")[0] for name, item in RESAMPLERS.items()
+        },
         "triggers": {name: item.description for name, item in TRIGGERS.items()},
         "positionings": {name: item.description for name, item in POSITIONINGS.items()},
         "outputs": {item.suffixes[0]: item.description for item in SEGMENT_FORMATS.values()},
@@ -80,15 +81,7 @@ def options(method: Method) -> dict[str, dict[str, Any]]:
     """The options of a method: default, what is allowed, and description (which names the unit)."""
     from fusion.options import option_facts
 
-    return {
-        name: {"default": fact.default, "allowed": fact.allowed, "description": fact.description}
-        for name, fact in option_facts(method.options_model).items()
-    }
-
-
-def _first_line(thing: object) -> str:
-    """What a function's docstring says it does."""
-    return (inspect.getdoc(thing) or "").partition("\n")[0]
+    return {name: asdict(fact) for name, fact in option_facts(method.options_model).items()}
 
 
 def _show(console: Console, name: str, method: Method) -> None:

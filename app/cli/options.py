@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -47,6 +47,12 @@ def written_file(*flags: str, help: str, **more: Any) -> Any:  # noqa: A002
     return opt(help, *flags, callback=in_a_folder, show_default=False, **more)
 
 
+def gnss_name(default: str) -> Any:
+    """The option that names a positioning."""
+    help_ = "How positions are computed; `versant methods` lists the ways."
+    return opt(help_, "--gnss", default=default, metavar="NAME")
+
+
 DATA_DIR = opt(
     "Folder of the embedded database, started if it is not running. Default: VERSANT_DATABASE_URL, "
     "else the folder that `versant up` uses.",
@@ -77,12 +83,6 @@ COLUMNS_OPTION = opt(
     "--columns",
     metavar="NAME=HEADER",
 )
-GnssName = Annotated[
-    str,
-    typer.Option(
-        "--gnss", metavar="NAME", help="How positions are computed; `versant methods` lists the ways."
-    ),
-]
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class LogFiles:
 
     def read(self, progress: Progress, columns: Mapping[str, str] | None = None) -> DriveLog:
         """The log of the drive; raises ``LogError`` or ``OSError``. ``columns`` as in ``fusion.formats.read_log``."""
-        from fusion.formats import read_logs  # noqa: PLC0415 - see app.cli
+        from fusion.formats import read_logs
 
         return read_logs(self.files(), columns=columns, progress=progress)
 
@@ -186,8 +186,8 @@ def parse_assignments(texts: Sequence[str] | None, option: str) -> dict[str, Any
 
 def positioning_options(gnss: str, texts: Sequence[str] | None) -> dict[str, Any]:
     """The options of the positioning ``gnss``; a name or a value that it does not take is wrong usage."""
-    from fusion.catalogue import POSITIONINGS  # noqa: PLC0415 - see app.cli
-    from fusion.gnss.positioning import options_of  # noqa: PLC0415
+    from fusion.catalogue import POSITIONINGS
+    from fusion.gnss.positioning import options_of
 
     options = parse_assignments(texts, "--gnss-option")
     with naming("--gnss"):
@@ -206,7 +206,7 @@ def usable_map(path: Path | None, scale: float | None) -> None:
 
 def usable_picture(path: Path | None, option: str) -> None:
     """Refuse, before any work, a suffix that no picture has."""
-    from app.map.picture.slope_map import picture_format  # noqa: PLC0415 - see app.cli
+    from app.map.picture.slope_map import picture_format
 
     if path is not None:
         with naming(option):

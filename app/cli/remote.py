@@ -1,7 +1,5 @@
 """``versant upload``: a client of a running service, which it knows by its API alone; ``versant drives`` is another."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -107,28 +105,22 @@ class Upload:
         """What the service reports of it; empty before it is done."""
         return (self.drive.document.get("report") or {}) if self.drive and self.status == "done" else {}
 
-    def summary(self) -> str | None:
-        """One line of what came of it, once it is done."""
-        from app.drives.outputs.summary import summary
-
-        return summary(self.source.name, self.report) if self.report else None
-
     def figures(self) -> dict[str, Any]:
         """What ``--json`` says; the table shows ``SHOWN`` of it."""
         from app.cli.client import link_of
+        from app.drives.outputs.summary import summary
 
+        document = self.drive.document if self.drive else {}
         return {
             "file": self.source.name,
             "drive": self.drive.id if self.drive else None,
             "status": self.status,
             "segments": self.segments,
             "reason": self.reason,
-            "summary": self.summary(),
+            "summary": summary(self.source.name, self.report) if self.report else None,
             "warnings": list(self.report.get("warnings", ())),
-            "address": link_of(self.drive.document, "self") if self.drive else None,
-            "profile": link_of(self.drive.document, "profile", "image/png")
-            if self.report and self.drive
-            else None,
+            "address": link_of(document, "self"),
+            "profile": link_of(document, "profile", "image/png") if self.report else None,
         }
 
 

@@ -1,7 +1,5 @@
 """``versant up``: the whole service in one process tree; ``api``, ``worker``, ``migrate``: its parts."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 import logging

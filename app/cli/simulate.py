@@ -1,7 +1,5 @@
 """``versant simulate``: a synthetic town with known slopes, and drives through it."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``versant track`` and ``gnss-study``: the positions of logs, and what the residuals of satellites say of them."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -30,7 +28,7 @@ def track(
     ctx: typer.Context,
     logs: list[Path] = cli.LOG_NAMES,
     out: Path = cli.written_file("-o", "--out", help="Positions: .csv or .geojson.", default=...),
-    gnss: cli.GnssName = DEFAULT_POSITIONING,
+    gnss: str = cli.gnss_name(DEFAULT_POSITIONING),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     together: bool = cli.TOGETHER,
@@ -107,7 +105,7 @@ def gnss_study(
         "The files of one drive, such as observations and navigation; or a folder or a zip of them.",
         metavar="LOG...",
     ),
-    gnss: cli.GnssName = "one-sided",
+    gnss: str = cli.gnss_name("one-sided"),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
     out: Path | None = cli.written_file("-o", "--out", help="A picture, .png."),
     json_file: Path | None = cli.JSON_FILE,

@@ -1,7 +1,5 @@
 """``versant backup``, ``restore``, ``doctor`` and ``sweep``: what operators do to look after a service."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 import time
@@ -16,7 +14,6 @@ from app.cli.console import Console, write_json
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag
 
 if TYPE_CHECKING:
-    from app.upkeep.doctor import Finding
     from app.upkeep.manifest import Manifest
 
 _MIB = 2**20
@@ -159,17 +156,15 @@ def doctor(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path
             findings = examine(Patient(settings, factory), bars.work("looking"))
     except UnreachableError as error:
         findings = examine(Patient(named, None, str(error)))
-    console.table(("", "what", "found", "to do"), [_finding_row(one) for one in findings])
+    console.table(
+        ("", "what", "found", "to do"), [(one.state, one.subject, one.found, one.advice) for one in findings]
+    )
     worst = max(findings, key=lambda one: ("ok", "warn", "fail").index(one.state)).state
     write_json(json_file, {"state": worst, "findings": [asdict(one) for one in findings]})
     if worst == "fail":
         failed = ", ".join(one.subject for one in findings if one.state == "fail")
         console.complain(f"Something is wrong: {failed}.")
         raise typer.Exit(1)
-
-
-def _finding_row(one: Finding) -> tuple[str, str, str, str]:
-    return one.state, one.subject, one.found, one.advice
 
 
 @app.command("sweep")

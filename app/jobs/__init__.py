@@ -2,8 +2,8 @@
 
 The queue is procrastinate. What stands here beside it, its release 3.10 does not do:
 
-- ``watchdog``: its worker waits without a bound for side tasks that it has cancelled, and hangs where one of them lost
-  its cancellation (procrastinate-org/procrastinate, issues 1591 and 1513, open).
+- ``worker.Watchdog``: its worker waits without a bound for side tasks that it has cancelled, and hangs where one of
+  them lost its cancellation (procrastinate-org/procrastinate, issues 1591 and 1513, open).
 - ``computations``: it counts attempts, and does not tell a job that kills its worker from one whose worker was stopped
   or cut off. ``runs`` gives up the one and repeats the other.
 - ``stopping``: its graceful shutdown asks a job to abort, and waits for threads that do not hear it.

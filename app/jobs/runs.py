@@ -97,7 +97,7 @@ class Runs:
         """Whom the queue has given jobs in this process."""
         self.stopping = threading.Event()
         """Runs end at their next look and go back into the queue."""
-        self.after_each: Callable[[], None] = _nothing
+        self.after_each: Callable[[], None] = lambda: None
         """Called when a run is over."""
 
     def overdue(self) -> list[Run]:
@@ -119,7 +119,11 @@ class Runs:
         task, arguments, once = run.task, run.arguments, run.once
         deaths = self.liveness.deaths(run.job)
         if deaths >= MAX_DEATHS:
-            task.give_up("interrupted", _death_reason(task, deaths), **arguments)
+            reason = (
+                f"The worker died {deaths} times while it processed this {task.subject}, most likely for lack of "
+                f"memory. {task.advice}"
+            )
+            task.give_up("interrupted", reason, **arguments)
             self.liveness.forget(run.job)
             return "given up"
         try:
@@ -158,9 +162,8 @@ class Runs:
     def _cut_off_or_failed(self, run: Run, context: procrastinate.JobContext, error: Exception) -> str:
         """See to a run that ended by an error; raises what the queue is to judge."""
         if is_connection_loss(error):
-            stopped = (
-                self.stopping.is_set() or context.should_abort()
-            )  # its statement was cancelled, most likely
+            # Its statement was cancelled, most likely.
+            stopped = self.stopping.is_set() or context.should_abort()
             if not stopped:
                 logger.warning("job %s lost the database and is run again later", run.job, exc_info=error)
             if run.once:
@@ -197,17 +200,6 @@ def _register(app: procrastinate.App, task: Task, runs: Runs) -> None:
     )
     def perform(context: procrastinate.JobContext, /, **arguments: Any) -> str:
         return runs.perform(task, context, arguments)
-
-
-def _nothing() -> None:
-    """Nobody wants to know."""
-
-
-def _death_reason(task: Task, deaths: int) -> str:
-    return (
-        f"The worker died {deaths} times while it processed this {task.subject}, most likely for lack of memory. "
-        f"{task.advice}"
-    )
 
 
 def _failure_of(task: Task, error: Exception) -> tuple[str, str]:

@@ -13,9 +13,11 @@ import functools
 import logging
 import signal
 import threading
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Sequence
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
 from typing import Any
 
+import procrastinate
 from procrastinate import exceptions, jobs
 from sqlalchemy import Engine
 
@@ -26,7 +28,6 @@ from app.jobs.computations import Liveness, charge, forget_gone
 from app.jobs.runs import Runs, make_queue
 from app.jobs.stopping import RUN_ON_SHARE, BusyConnections, Stopping
 from app.jobs.task import QUEUE, Task
-from app.jobs.watchdog import Watchdog
 
 logger = logging.getLogger(__name__)
 
@@ -34,10 +35,38 @@ _POLL_S = 1.0  # for jobs put back: only new ones announce themselves
 _RESTART_AFTER_S = 1.0
 _NEXT_PIECE_S = 1.0  # as long as a piece takes: half of the time the network is the drives'
 _LOOK_AT_LIMITS_EVERY_S = 1.0
+SILENT_S = 90.0
+"""A loop that asks for no work for so long begins anew (upstream's faults: ``app.jobs``). It asks every second, unless
+a job runs; while the database is away its questions take half a minute each."""
 
 
 Chore = Callable[[], Awaitable[bool | None]]
 """What is done beside the jobs, in pieces of at most a second or so; true: there is more to do."""
+
+
+class Watchdog:
+    """For how long the loop on a queue has not asked for a job although none runs; ``current`` are those that do."""
+
+    def __init__(self, queue: procrastinate.App, current: Mapping[int, Any]) -> None:
+        self._current = current
+        self._asked_s = time.monotonic()
+        manager = queue.job_manager
+        genuine = manager.fetch_job
+
+        @functools.wraps(genuine)
+        async def fetch_job(*arguments: Any, **options: Any) -> Any:
+            self._asked_s = time.monotonic()
+            return await genuine(*arguments, **options)
+
+        manager.fetch_job = fetch_job  # type: ignore[method-assign]
+
+    async def wait(self) -> None:
+        """Returns when the loop has been silent for too long, from now on."""
+        self._asked_s = time.monotonic()
+        while time.monotonic() - self._asked_s < SILENT_S:
+            await asyncio.sleep(min(_POLL_S, SILENT_S / 4))
+            if self._current:
+                self._asked_s = time.monotonic()
 
 
 class Worker:

@@ -40,13 +40,9 @@ async def receive_file(request: Request, blobs: BlobStore, settings: Settings) -
     announced = int(length) if length.isdigit() else 0
     if announced > most + source.envelope_bytes:
         raise _too_large(most)
-
-    def begin() -> BlobWriter:
-        return blobs.writer(
-            keep_free_bytes=settings.min_free_bytes, expected_bytes=announced, max_content_bytes=0
-        )
-
-    writer = await run_in_threadpool(begin)
+    writer = await run_in_threadpool(
+        blobs.writer, keep_free_bytes=settings.min_free_bytes, expected_bytes=announced, max_content_bytes=0
+    )
     try:
         name = await _copy(request, source, writer, most)
         return Received(await run_in_threadpool(writer.finish), name)
@@ -83,17 +79,13 @@ async def _copy(request: Request, source: UploadSource, writer: BlobWriter, most
             "The file has no name, and its name tells its format. Give it as `filename` (karlsruhe.osm.pbf).",
             field="filename",
         )
-    _require_usable(PurePosixPath(name).name)
-    return name
-
-
-def _require_usable(name: str) -> None:
-    """The worker gives the file this name in a folder of its own."""
-    if name in {"", ".", ".."} or not name.isprintable() or len(name.encode()) > NAME_BYTES:
+    last = PurePosixPath(name).name  # so the worker calls the file, in a folder of its own
+    if last in {"", ".", ".."} or not last.isprintable() or len(last.encode()) > NAME_BYTES:
         raise BadRequestError(
-            f"{name[:40]!r} is no name for a file here: it must be printable, of {NAME_BYTES} bytes at most.",
+            f"{last[:40]!r} is no name for a file here: it must be printable, of {NAME_BYTES} bytes at most.",
             field="filename",
         )
+    return name
 
 
 def _too_large(most: int) -> BodyTooLargeError:

@@ -7,16 +7,11 @@ import typer
 from app.cli.drives import look
 from app.cli.drives.again import reprocess
 
-drives = typer.Typer(no_args_is_help=True)
+drives = typer.Typer(
+    no_args_is_help=True, help="List, show, delete or process again the drives of a service."
+)
 app = typer.Typer(add_completion=False)
 app.add_typer(drives, name="drives")
-
-
-@drives.callback()
-def explain() -> None:
-    """List, show, delete or process again the drives of a service."""
-
-
 drives.command("list")(look.list_drives)
 drives.command("show")(look.show)
 drives.command("delete")(look.delete)

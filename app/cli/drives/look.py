@@ -1,7 +1,5 @@
 """``versant drives list``, ``show`` and ``delete``: what a running service knows of drives, made to be read."""
 
-# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence

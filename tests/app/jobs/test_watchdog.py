@@ -12,7 +12,6 @@ import pytest
 
 from app.core.db import Sessions, make_engine
 from app.core.settings import Settings
-from app.jobs import watchdog
 from app.jobs import worker as workers
 from app.jobs.task import Kind, Task, Work, add_job
 
@@ -72,7 +71,7 @@ def test_a_loop_that_asks_for_nothing_is_replaced(
     fetch = procrastinate.worker.Worker._fetch_and_process_jobs
     monkeypatch.setattr(procrastinate.worker.Worker, "_fetch_and_process_jobs", fails_once)
     monkeypatch.setattr(procrastinate.worker.Worker, "_shutdown", misses_its_end)
-    monkeypatch.setattr(watchdog, "SILENT_S", 1.0)
+    monkeypatch.setattr(workers, "SILENT_S", 1.0)
     with sessions.begin() as session:
         add_job(session, KIND)
     with caplog.at_level(logging.ERROR, "app.jobs"):
@@ -87,10 +86,10 @@ def test_a_job_that_takes_its_time_is_no_silence(
 ) -> None:
     app = workers.make_queue(str(settings.database_url), [], None)  # type: ignore[arg-type]
     current = {1: "runs"}
-    monkeypatch.setattr(watchdog, "SILENT_S", 0.05)
+    monkeypatch.setattr(workers, "SILENT_S", 0.05)
 
     async def look() -> None:
-        waits = asyncio.create_task(watchdog.Watchdog(app, current).wait())
+        waits = asyncio.create_task(workers.Watchdog(app, current).wait())
         await asyncio.sleep(0.3)
         assert not waits.done()
         current.clear()

@@ -178,7 +178,7 @@ def test_operations_let_uploads_go_first_but_come_to_their_end(
 def test_an_import_at_the_command_line_is_waited_for_without_a_lane(
     web: Web, roads: bytes, work: Work, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.operations.work.WAIT_S", 0.05)
+    monkeypatch.setattr("app.operations.run.WAIT_S", 0.05)
     number = ask(web, roads, kind="import-roads", filename="town.osm")
     stages: list[str] = []
     with web.sessions() as other:
