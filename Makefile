@@ -92,7 +92,7 @@ $(VENV)/.made:
 	@touch $@
 
 $(INSTALLED): $(VENV)/.made .lock/dev.txt pyproject.toml
-	@echo "Installing the locked dependencies into $(VENV) ..."
+	@echo "Installing the locked dependencies into $(VENV) (some minutes, 2 GB) ..."
 	@$(BIN)/python -m pip install --quiet --require-hashes -r .lock/dev.txt
 	@$(BIN)/python -m pip install --quiet --no-deps -e .
 	@touch $@

@@ -118,7 +118,7 @@ def free_port(settings: Settings) -> int:
 def reach(settings: Settings) -> str:
     """The sentence that says who can reach the service."""
     if settings.host in LOOPBACK:
-        return "Only this machine can reach it: there is no access control yet. --host changes that."
+        return "Only this machine can reach it: there is no access control yet. `versant up --host` changes that."
     return (
         f"Warning: it listens on {settings.host or 'every address'} and has no access control yet: whoever "
         "reaches that address can upload and delete."

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -64,7 +65,10 @@ def demo(
                 typer.echo(f"  {path}  ({what})")
             write_json(json_file, figures(result))
             if not serve:
-                typer.echo("On a map in your browser: versant demo --serve")
+                program = (
+                    sys.argv[0] if Path(sys.argv[0]).name == "versant" else "versant"
+                )  # as it was called
+                typer.echo(f"On a map in your browser: {program} demo --serve")
                 return
             typer.echo(f"Still serving at {service.address} until Ctrl-C. {reach(settings)}")
             typer.echo(f"Open the map: {map_address(service.address, result.features)}")
