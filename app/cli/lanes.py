@@ -185,7 +185,8 @@ def serve(settings: Settings, console: Console, prepare: Callable[[Settings], ob
     watch, can_compile = ParentWatch(), compiling.can_be_kept()
     if can_compile and not compiling.is_compiled(first=True):
         console.note(
-            "The numerical code is compiled, once: the first drives wait a minute for it; what else can be chosen follows in the background."
+            "The numerical code is compiled, once: the first drives wait a minute for it. "
+            "Other methods follow in the background."
         )
         with _compiler("--first") as process:
             while process.poll() is None:
