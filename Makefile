@@ -10,7 +10,7 @@ DESCRIBE := import json; from app.main import create_app; print(json.dumps(creat
 # Modules are compiled once and read by every process of the tests, also where the environment says otherwise.
 unexport PYTHONDONTWRITEBYTECODE
 
-SPREAD := -n 3 --dist worksteal --durations=10 --durations-min=1
+SPREAD := -n 4 --dist worksteal --durations=10 --durations-min=1
 CHECK_S := 35
 CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache .coverage*
 UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-hashes --python-version 3.11

@@ -131,6 +131,8 @@ LEFT_OUT = {
     "ROUGHNESS_BOUNDS": "what roads can be at all",
     "SIGMA_BOUNDS_M": "what elevation models can be at all",
     "METRES_PER_DEGREE": "the size of the Earth",
+    "DISPLACED_M": "when reports warn of an elevation model; no slope follows from it",
+    "DISPLACED_SIGMAS": "as DISPLACED_M",
 }
 """Constants that are not tried, with the reason."""
 
