@@ -113,6 +113,8 @@ def _run_others(steps: list[Step], processes: int) -> Iterator[str]:
         return
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
         yield from pool.imap_unordered(_run_other, range(len(steps)))
+        pool.close()  # processes that are killed, as the end of ``with`` does, leave their folder behind
+        pool.join()
 
 
 def _run_other(number: int) -> str:
