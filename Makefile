@@ -13,7 +13,7 @@ unexport PYTHONDONTWRITEBYTECODE
 SPREAD := -n 4 --dist worksteal --durations=10 --durations-min=1
 CHECK_S := 35
 CACHES := .mypy_cache .pytest_cache .ruff_cache .hypothesis .numba_cache .coverage*
-UV_COMPILE := uv pip compile --quiet --no-header --no-emit-index-url --generate-hashes --python-version 3.11
+UV_COMPILE := uv pip compile --quiet --no-header --no-strip-extras --no-emit-index-url --generate-hashes --python-version 3.11
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
