@@ -15,6 +15,13 @@ from browser_fixtures import Tab
 from network_support import drive_over, new_drive, pass_over, publish
 from web_fixtures import Web
 
+ENTER_AT_ONCE = """async (field, text) => {
+  field.value = text;
+  field.dispatchEvent(new InputEvent('input', { bubbles: true }));
+  await Promise.resolve();
+  field.dispatchEvent(new KeyboardEvent('keydown', { key: 'Enter', bubbles: true }));
+}"""
+"""Text and Enter with no paint between, as where the browser is busy."""
 FIRST = 56  # row of the grid at which the southernmost street, 146 m a segment, begins
 
 
@@ -124,6 +131,14 @@ def test_a_way_and_its_segments_on_a_phone(
     tab.page.locator(".pointed").wait_for()  # on the map
     third.click()
     tab.page.get_by_role("complementary", name=f"Segment {street[3]}").wait_for()
+
+
+def test_enter_is_of_the_text_that_stands_there(filled: Web, street: list[int], tab: Tab) -> None:
+    """Also where what was found for the text before is still listed."""
+    field = search(tab, filled, f"segment {street[1]}")
+    tab.page.get_by_role("option", name=f"Segment {street[1]}").wait_for()
+    field.evaluate(ENTER_AT_ONCE, f"segment {street[0]}")
+    tab.page.get_by_role("complementary", name=f"Segment {street[0]}").wait_for()
 
 
 def test_what_search_finds(filled: Web, street: list[int], tab: Tab) -> None:

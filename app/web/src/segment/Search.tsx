@@ -22,11 +22,15 @@ export function Search() {
   // Enter was pressed before there was anything to choose.
   const hasty = useRef(false);
 
-  useEffect(() => {
+  // With the text itself, not in the effect: that runs after the next paint, and Enter may come before it.
+  const rewrite = (text: string) => {
+    hasty.current = false;
     set(null);
     point(-1);
+    write(text);
+  };
+  useEffect(() => {
     const meant = meaning(written);
-    hasty.current = false;
     if (meant === null) return;
     const ended = new AbortController();
     const later = setTimeout(() => {
@@ -52,7 +56,7 @@ export function Search() {
   const shown = open && results.length > 0;
   const go = async (result: Result) => {
     if (result.name !== undefined) {
-      write(result.name);
+      rewrite(result.name);
       field.current?.focus();
       return;
     }
@@ -79,7 +83,7 @@ export function Search() {
       event.preventDefault();
       event.stopPropagation();
       if (shown) show(false);
-      else write("");
+      else rewrite("");
     }
   };
   const message = answer === null ? "" : answer.message || t("segment.found", { n: results.length });
@@ -101,7 +105,7 @@ export function Search() {
           aria-autocomplete="list"
           aria-activedescendant={shown && at >= 0 ? `${list}-${at}` : undefined}
           value={written}
-          onInput={(event) => write(event.currentTarget.value)}
+          onInput={(event) => rewrite(event.currentTarget.value)}
           onKeyDown={key}
           onFocus={() => show(true)}
           onBlur={() => show(false)}
