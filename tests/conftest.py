@@ -7,6 +7,7 @@ asks for ``database_url`` gets a fresh copy of the template, which takes tens of
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib.util
 import io
 import itertools
@@ -50,7 +51,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 # Compiled loops take seconds at their first call, and machines are shared: no test depends on time.
 # Examples of each property: `make check` tries a few, `make test` more, `make test-all` the most.
 hypothesis_settings.register_profile("quick", deadline=None, max_examples=20)
-hypothesis_settings.register_profile("usual", deadline=None, max_examples=50)
+hypothesis_settings.register_profile("usual", deadline=None, max_examples=30)
 hypothesis_settings.register_profile("thorough", deadline=None, max_examples=200)
 hypothesis_settings.load_profile("usual")
 
@@ -77,6 +78,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.db)
         if any(not mark.args for mark in item.iter_markers("long")):
             raise pytest.UsageError(f"{item.nodeid} is marked as long without a reason.")
+
+
+def pytest_collection_finish() -> None:
+    """What is loaded now stays to the end: the collector need not look at these millions of objects again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -150,7 +157,14 @@ def template_db(cluster: EmbeddedPostgres) -> str:
 
 
 @pytest.fixture(scope="session")
-def new_database(cluster: EmbeddedPostgres) -> Callable[[str], str]:
+def server(cluster: EmbeddedPostgres) -> Iterator[psycopg.Connection]:
+    """The one connection by which databases are made and dropped: a new one each time is a process each time."""
+    with psycopg.connect(libpq_url(cluster.url), autocommit=True) as connection:
+        yield connection
+
+
+@pytest.fixture(scope="session")
+def new_database(server: psycopg.Connection) -> Callable[[str], str]:
     """``new_database(template)`` makes a copy of a database and returns its name."""
     numbers = itertools.count(1)
 
@@ -159,8 +173,7 @@ def new_database(cluster: EmbeddedPostgres) -> Callable[[str], str]:
 
     def create(template: str) -> str:
         name = f"test_{next(numbers)}"
-        with psycopg.connect(libpq_url(cluster.url), autocommit=True) as connection:
-            connection.execute(copy.format(sql.Identifier(name), sql.Identifier(template)))
+        server.execute(copy.format(sql.Identifier(name), sql.Identifier(template)))
         return name
 
     return create
@@ -168,12 +181,15 @@ def new_database(cluster: EmbeddedPostgres) -> Callable[[str], str]:
 
 @pytest.fixture
 def database_url(
-    cluster: EmbeddedPostgres, template_db: str, new_database: Callable[[str], str]
+    cluster: EmbeddedPostgres,
+    server: psycopg.Connection,
+    template_db: str,
+    new_database: Callable[[str], str],
 ) -> Iterator[str]:
     """SQLAlchemy URL of a migrated, empty database of this test alone."""
     name = new_database(template_db)
     yield cluster.url_of(name)
-    databases.drop_database(cluster.url, name)
+    server.execute(sql.SQL("DROP DATABASE IF EXISTS {} WITH (FORCE)").format(sql.Identifier(name)))
 
 
 @pytest.fixture

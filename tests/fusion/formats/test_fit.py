@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from datetime import timedelta
 from pathlib import Path
 
@@ -81,24 +80,6 @@ def test_every_real_file_is_read_or_refused_with_its_reason(shared_data: Path) -
         log = read_log(folder / f"{name}.fit")
         assert len(log.fix) == 14
         assert [w for w in log.warnings if reason in w] == list(log.warnings) != []
-
-
-def test_it_takes_no_longer_than_the_library_alone(shared_data: Path) -> None:
-    path = shared_data / "formats" / f"{RIDES[0]}.fit"
-
-    def alone() -> None:
-        with fitdecode.FitReader(path) as reader:
-            assert sum(1 for _ in reader) > 4700
-
-    def best_of_three(work: object) -> float:
-        taken = []
-        for _ in range(3):
-            begin = time.process_time()
-            work()  # type: ignore[operator]
-            taken.append(time.process_time() - begin)
-        return min(taken)
-
-    assert best_of_three(lambda: read_log(path)) < best_of_three(alone)
 
 
 def test_pauses_of_the_timer_are_gaps(shared_data: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from fusion.catalogue import METHODS
 from fusion.pipeline import run_drive
+from fusion.registry import DEFAULT_METHOD
 from fusion.simulate.scene.town import Town
 from fusion.terrain.dem import Dem
 from fusion.types import Attitude, DriveLog, GnssVelocity, SpecificForce
@@ -74,8 +75,15 @@ def runs(method: str, subset: Callable[[DriveLog], DriveLog], with_dem: bool) ->
     return (with_dem or "a DEM" not in needs) and not (more and subset is only_positions)
 
 
+def usual(method: str, subset: Callable[[DriveLog], DriveLog], with_dem: bool) -> bool:
+    """Whether every run of the tests tries it: the default method all ways, of the others each subset one way."""
+    turn = with_dem == (SUBSETS.index(subset) % 2 == 0)
+    return method == DEFAULT_METHOD or turn or not runs(method, subset, not with_dem)
+
+
+LONG = pytest.mark.long("the published methods once more, with and without an elevation model")
 CASES = [
-    (method, subset, with_dem)
+    pytest.param(method, subset, with_dem, marks=() if usual(method, subset, with_dem) else LONG)
     for method in METHODS
     if method not in ("raw", "dem")
     for subset in SUBSETS

@@ -152,8 +152,14 @@ SMARTLOC_BARS_M = {
 """Mean 2-D errors, m: those of notes 6 (LS, WLS, FPLL), the issue's bar (RBPF-DPM), else what is reached."""
 
 
+PARTICLES = pytest.mark.long("particles at each of a recorded drive's epochs")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SMARTLOC_BARS_M)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name in {"ls", "wls", "ekf"} else PARTICLES) for name in SMARTLOC_BARS_M],
+)
 def test_smartloc_is_solved_as_well_as_it_was_measured_beforehand(name: str) -> None:
     folder = Path(__file__).resolve().parents[5] / "shared/data/smartloc"
     if not folder.is_dir():
