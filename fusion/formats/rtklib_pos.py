@@ -105,7 +105,7 @@ class _Rows:
 
 
 def _rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
-    """The lines with as many cells as most have; the others are counted."""
+    """The lines with as many cells as the longest of the first hundred; the others are counted."""
     blanks = text.translate(_TO_BLANKS)
     while b"  " in blanks:
         blanks = blanks.replace(b"  ", b" ")

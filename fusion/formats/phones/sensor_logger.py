@@ -41,7 +41,7 @@ _COLUMNS = ("time", *_LOCATION, "pressure", "x", "y", "z")
 _MOTION = {"accelerometer": "moved", "gravity": "gravity", "totalacceleration": "force", "gyroscope": "rate"}
 """File -> what it is in ``DeviceMotion``."""
 _MARKS = ({"time", "seconds_elapsed"}, {"device name", "recording time", "platform"})
-"""Of columns that one of the app's files has, in small letters."""
+"""Columns by which the app's files are known, in small letters."""
 _UNUSED = ("watch", "headphone", "locationnetwork")
 _LARGEST_KPA = 200.0
 """Air never has so few hPa where there are roads: a smaller number is of kPa."""

@@ -96,7 +96,7 @@ def _readable(stream: Stream, records: Records, offset: Ints, notes: Notes) -> B
     complete = (length == records.itemsize + 4 * words) & (words >= np.array(_FEWEST_WORDS)[system])
     numbered = (number > 0) & (number <= LAST_NUMBER[system])
     faults = ((WRONG_LENGTH, ~complete), (UNKNOWN_SATELLITE, (system >= 0) & ~numbered))
-    return notes.sift(faults) & (system >= 0)
+    return np.asarray(notes.sift(faults) & (system >= 0))
 
 
 def _possible(states: GlonassEphemerides, notes: Notes) -> GlonassEphemerides:
