@@ -205,7 +205,7 @@ def _date(sentences: Sentences, notes: Notes) -> None:
     clock = np.concatenate([one["clock_s"] for one in timed])
     trusted = sentences["RMC"]["active"] > 0
     days = [one.get("day", np.full(len(one["offset"]), np.nan)) for one in timed]
-    days[0] = np.where(trusted | ~trusted.any(), days[0], np.nan)
+    days[0] = np.where(trusted | ~trusted.any(), days[0], np.nan)  # of RMC
     order = np.argsort(offset, kind="stable")
     time_s = np.empty(len(offset))
     time_s[order] = _spread_dates(clock[order], np.concatenate(days)[order], notes)
