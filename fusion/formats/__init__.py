@@ -207,12 +207,10 @@ def _read_bundle(members: list[Member], job: _Job) -> DriveLog:
 
 
 @dataclass(frozen=True)
-class _File:
+class _File(Member):
     """A file whose format is known, not read yet; ``notes`` are of its unpacking."""
 
-    name: str
     format: LogFormat
-    data: bytes
     notes: Notes
 
 
@@ -224,7 +222,7 @@ def _recognise_files(members: list[Member], job: _Job, errors: list[LogError]) -
         data = load(member.data, bytes_left, own, job.progress)
         bytes_left -= len(data)
         try:
-            out.append(_File(member.name, _format_of(data[:HEAD_BYTES], member.name, job.columns), data, own))
+            out.append(_File(member.name, data, _format_of(data[:HEAD_BYTES], member.name, job.columns), own))
         except UnknownFormatError as error:
             errors.append(error)
             job.notes.skip("files that are no logs", 1, member.name)

@@ -20,13 +20,10 @@ Data = bytes | memoryview
 Place = Callable[[int], str]
 """Says where a row, an offset or a point of the input is, in words: ``line 7``, ``byte 1200``."""
 
-GPS_EPOCH_S = 315964800.0
-"""1980-01-06 in Unix seconds. Logs that name no date at all are placed in the week that begins here."""
 MIN_TIME_S = 315532800.0
 """1980-01-01: no satellite navigation before."""
 MAX_TIME_S = 4102444800.0
 """2100-01-01."""
-WEEK_S = 604800.0
 DAY_S = 86400.0
 
 MAX_POSITIONS = 500_000
@@ -144,14 +141,10 @@ class Notes:
 
         ``say`` tells of the first row of a reason where it is and what is wrong; ``position`` as for ``skip``.
         """
-        good: Bools | None = None
-        for reason, bad in faults:
-            good = np.ones(len(bad), bool) if good is None else good
-            hit = np.flatnonzero(bad & good)
-            good &= ~bad
-            if len(hit):
-                self.skip(reason, len(hit), say(int(hit[0])) if say else "", position=position)
-        return np.zeros(0, bool) if good is None else good
+        good, hits = _sieved(faults)
+        for first, reason, count in hits:
+            self.skip(reason, count, say(first) if say else "", position=position)
+        return good
 
     def undated(self) -> None:
         """Say that the times were placed in the week of the GPS epoch."""
@@ -167,6 +160,18 @@ class Notes:
         """Add a sentence once."""
         if sentence not in self.warnings:
             self.warnings.append(sentence)
+
+
+def _sieved(faults: Iterable[tuple[str, Bools]]) -> tuple[Bools, list[tuple[int, str, int]]]:
+    """Which rows have none of the faults; (first row, reason, count) of the rows that have a fault and none before."""
+    good: Bools = np.array(True)
+    hits = []
+    for reason, bad in faults:
+        rows = np.flatnonzero(bad & good)
+        good = good & ~bad
+        if len(rows):
+            hits.append((int(rows[0]), reason, len(rows)))
+    return good, hits
 
 
 def refuse_many(positions: int) -> None:
@@ -186,30 +191,21 @@ def usable_positions(
     implausible time is). A position of exactly 0, 0 is what receivers write before their first fix.
     """
     need = np.ones(len(time_s), bool) if need is None else need
-    with np.errstate(invalid="ignore"):
-        faults: tuple[tuple[str, Bools, Callable[[int], str]], ...] = (
-            ("without a time", ~np.isfinite(time_s), lambda i: "it has no time"),
-            ("impossible time", (time_s < MIN_TIME_S) | (time_s > MAX_TIME_S),
-             lambda i: f"the time is {_calendar(float(time_s[i]))}, outside 1980..2100"),
-            ("incomplete position", need & ~(np.isfinite(lat_deg) & np.isfinite(lon_deg)),
-             lambda i: "the latitude or the longitude is missing"),
-            ("latitude out of range", np.abs(lat_deg) > 90,
-             lambda i: f"lat_deg is {lat_deg[i]:.9g}, outside -90..90"),
-            ("longitude out of range", np.abs(lon_deg) > 180,
-             lambda i: f"lon_deg is {lon_deg[i]:.9g}, outside -180..180"),
-            ("position 0, 0", need & (lat_deg == 0) & (lon_deg == 0),
-             lambda i: "the position is 0, 0, as written without a fix"),
-        )  # fmt: skip
-    good = np.ones(len(time_s), bool)
-    refused: list[tuple[int, str, int, str]] = []
-    for reason, bad, say in faults:
-        hit = np.flatnonzero(bad & good)
-        good &= ~bad
-        if len(hit):
-            first = int(hit[0])
-            refused.append((first, reason, len(hit), f"{place(first)}: {say(first)}"))
-    for _, reason, count, example in sorted(refused):
-        notes.skip(reason, count, example, position=True)
+    faults: dict[str, tuple[Bools, Callable[[int], str]]] = {
+        "without a time": (~np.isfinite(time_s), lambda i: "it has no time"),
+        "impossible time": ((time_s < MIN_TIME_S) | (time_s > MAX_TIME_S),
+                            lambda i: f"the time is {_calendar(float(time_s[i]))}, outside 1980..2100"),
+        "incomplete position": (need & ~(np.isfinite(lat_deg) & np.isfinite(lon_deg)),
+                                lambda i: "the latitude or the longitude is missing"),
+        "latitude out of range": (np.abs(lat_deg) > 90, lambda i: f"lat_deg is {lat_deg[i]:.9g}, outside -90..90"),
+        "longitude out of range": (np.abs(lon_deg) > 180,
+                                   lambda i: f"lon_deg is {lon_deg[i]:.9g}, outside -180..180"),
+        "position 0, 0": (need & (lat_deg == 0) & (lon_deg == 0),
+                          lambda i: "the position is 0, 0, as written without a fix"),
+    }  # fmt: skip
+    good, hits = _sieved((reason, bad) for reason, (bad, _) in faults.items())
+    for first, reason, count in sorted(hits):  # in the order of the rows
+        notes.skip(reason, count, f"{place(first)}: {faults[reason][1](first)}", position=True)
     return good
 
 
@@ -233,6 +229,19 @@ def ground_velocity(speed_mps: Floats, heading_rad: Floats) -> tuple[Floats, Flo
 def positive(accuracy: Floats) -> Floats:
     """Accuracies; 0 and less are written for unknown, and become NaN."""
     return np.where(accuracy > 0, accuracy, np.nan)
+
+
+def is_possible_time(time_s: Floats) -> Bools:
+    """Which Unix seconds a log may hold; NaN is none."""
+    return np.asarray((time_s > MIN_TIME_S) & (time_s < MAX_TIME_S))
+
+
+def number_or_nan(text: str | bytes) -> float:
+    """The number that a text is; NaN where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
 
 
 def fix_and_velocity(time_s: Floats, columns: Mapping[str, Floats], notes: Notes) -> dict[str, SensorTable]:
@@ -276,7 +285,7 @@ def build_log(
     if disorder:
         notes.warn(f"{disorder} of the positions stand before an earlier one: they were sorted by time.")
     for name, table in tables.items():
-        sane = (table.time_s > MIN_TIME_S) & (table.time_s < MAX_TIME_S)
+        sane = is_possible_time(table.time_s)
         if not sane.all():  # the reason was given with the positions
             notes.skipped[f"{name} samples at an impossible time"] += int((~sane).sum())
             tables[name] = table.take(sane)

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 from pyarrow import compute as pc
 from pyarrow import csv
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import Notes
+from fusion.formats.base import Notes, number_or_nan
 from fusion.formats.csv_header import LINE_END, Layout
 from fusion.formats.csv_names import DATE, GPS_TIME, TIME, Cell
 from fusion.formats.time_texts import times_of
 from fusion.signals import unix_from_gps
-from fusion.types import Floats, Ints
+from fusion.types import Floats, Ints, Progress
 
 NOT_MEASURED = ["", "-", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None"]
 BLOCK_BYTES = 16 << 20
@@ -38,6 +40,13 @@ class Block:
     ragged: list[int]
     words: dict[str, list[str]] = field(default_factory=dict)
 
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def column(self, name: str) -> Floats:
+        """A column of numbers, all NaN where the file does not have it."""
+        return self.columns.get(name, np.full(len(self), np.nan))
+
     @cached_property
     def _lines(self) -> Ints:
         """The line of the file that each kept row stands on."""
@@ -49,15 +58,16 @@ class Block:
         return f"line {self._lines[min(row, len(self._lines) - 1)]}" if len(self._lines) else f"row {row + 1}"
 
 
-def read_blocks(data: bytes, layout: Layout, notes: Notes) -> Iterator[tuple[Block, float]]:
-    """The rows block by block, each with the share of the file that is read with it."""
+def read_blocks(data: bytes, layout: Layout, notes: Notes, progress: Progress) -> Iterator[Block]:
+    """The rows block by block; after each, ``progress`` is told the share of the file that has been read."""
     at, line = layout.body_at, layout.line
     while at < len(data):
         cut = LINE_END.search(data, at + BLOCK_BYTES)
         end = cut.end() if cut else len(data)
         body = _utf8(data[at:end])
         if body.strip():
-            yield _parse(body, line, layout, notes), end / len(data)
+            yield _parse(body, line, layout, notes)
+            progress("read rows", end / len(data))
         line += body.count(b"\n") + body.count(b"\r") - body.count(b"\r\n")
         at = end
 
@@ -76,7 +86,7 @@ def _parse(body: bytes, line: int, layout: Layout, notes: Notes) -> Block:
     if block.ragged:
         # numbers of ragged rows count every row that is not blank
         rows = Block(body, line, {}, [])
-        example = f"{rows.place(block.ragged[0] - 1)}: not {layout.width} cells as in the header"
+        example = f"{rows.place(block.ragged[0] - 1)}: not {len(layout.header.cells)} cells as in the header"
         notes.skip("rows with a wrong number of cells", len(block.ragged), example, position=True)
     dates = cells.column(f"c{layout.known[DATE].index}").to_pylist() if DATE in layout.known else None
     for name, cell in layout.known.items():
@@ -120,10 +130,10 @@ def _cells_of(body: bytes, layout: Layout, ragged: list[int]) -> tuple[pa.Table,
             csv.ReadOptions(
                 use_threads=False,
                 block_size=2 * BLOCK_BYTES,
-                column_names=[f"c{i}" for i in range(layout.width)],
+                column_names=[f"c{i}" for i in range(len(layout.header.cells))],
             ),
             csv.ParseOptions(
-                delimiter=layout.delimiter,
+                delimiter=layout.header.delimiter,
                 # an odd number of quotes would swallow rows: then they are taken as they stand
                 quote_char='"' if body.count(b'"') % 2 == 0 else False,
                 invalid_row_handler=count,
@@ -193,3 +203,45 @@ def _numbers(name: str, column: pa.ChunkedArray, comma: bool, block: Block, note
         if name in ("time_s", "lat_deg", "lon_deg") and not notes.first_offender:
             notes.first_offender = example
     return np.where(np.isfinite(out), out, np.nan)
+
+
+ABSENT = np.iinfo(np.int64).min
+"""What stands in a column of whole numbers where there is none."""
+
+
+def plain_columns(
+    rows: Sequence[bytes], delimiter: str, places: Mapping[str, int], whole: Collection[str] = ()
+) -> dict[str, NDArray[Any]]:
+    """Columns of numbers (n,) by name, at these ``places`` of rows that have one number of cells and no quotes.
+
+    int64 if ``whole``, with ``ABSENT`` where a cell is empty or no such number, else float64 with NaN. Slower, cell by
+    cell, where a cell is no number.
+    """
+    body = b"\n".join(rows) + b"\n"
+    names = [f"c{i}" for i in range(rows[0].count(delimiter.encode()) + 1)]
+    types = {f"c{i}": pa.int64() if name in whole else pa.float64() for name, i in places.items()}
+    try:
+        table = csv.read_csv(
+            pa.py_buffer(body),
+            csv.ReadOptions(use_threads=False, block_size=max(1 << 20, len(body) + 1), column_names=names),
+            csv.ParseOptions(delimiter=delimiter, quote_char=False, ignore_empty_lines=False),
+            csv.ConvertOptions(
+                check_utf8=False, include_columns=list(types), column_types=types, null_values=["", "NaN"]
+            ),
+        )
+        if table.num_rows != len(rows):
+            raise pa.ArrowInvalid("a cell holds the end of a line")
+    except pa.ArrowException:
+        cells = [row.split(delimiter.encode()) for row in rows]
+        number = {name: _whole_number if name in whole else number_or_nan for name in places}
+        return {name: np.array([number[name](row[i]) for row in cells]) for name, i in places.items()}
+    columns = {name: table.column(f"c{i}") for name, i in places.items()}
+    return {name: (c.fill_null(ABSENT) if name in whole else c).to_numpy() for name, c in columns.items()}
+
+
+def _whole_number(cell: bytes) -> int:
+    try:
+        value = int(cell)
+    except ValueError:
+        return ABSENT
+    return value if abs(value) < 1 << 62 else ABSENT

@@ -4,55 +4,51 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 from fusion.errors import MalformedLogError
 from fusion.formats import csv_names
 from fusion.formats.base import Notes
-from fusion.formats.csv_names import DATE, TIME, Cell, Known
+from fusion.formats.csv_names import DATE, Cell, Known, Schema
 from fusion.registry import LOG_COLUMNS
 
 COLUMNS = LOG_COLUMNS
-NUMBERS = tuple(name for name in COLUMNS if name != "time")
 MOST_CELLS = 1000
 DELIMITERS = ",;\t|"
 LINE_END = re.compile(rb"\r\n|\r|\n")
+_REST_OF_LINE = re.compile(rb"[ \t]*(?:\r\n|\r|\n)?")
 _DECIMAL_COMMA = re.compile(rb"(?:^|[;\t|\n]) *-?\d{1,20},\d{1,20} *(?:[;\t|\r\n]|$)")
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 _BOM = b"\xef\xbb\xbf"
 
 
 @dataclass(frozen=True)
-class Schema:
-    """What a kind of CSV may have: its columns, those of them that hold words, and which are ``lacking`` of those.
+class Header:
+    """The first line that is neither blank nor a # comment: its number, its offset, and its cells as they are written,
+    without blanks and quotes around."""
 
-    The columns ``clocks`` hold times as texts or as numbers since 1970. ``named`` is what a person says of names,
-    ours -> the header's. ``loose``: names of other programs are understood (``csv_names``). ``part``: the file may hold
-    a part of a drive only.
-    """
+    number: int
+    at: int
+    line: bytes
+    delimiter: str
+    cells: list[str]
 
-    columns: tuple[str, ...]
-    lacking: Callable[[Collection[str]], list[str]]
-    words: frozenset[str] = frozenset()
-    named: Mapping[str, str] = field(default_factory=dict)
-    loose: bool = False
-    part: bool = False
-    clocks: frozenset[str] = frozenset({TIME})
-    understood: Callable[[list[str], Schema], Known] | None = None
-    """How the header is understood, where not by names alone."""
+    @property
+    def names(self) -> list[str]:
+        """The cells in small letters."""
+        return [cell.lower() for cell in self.cells]
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How the cells lie: ``known`` gives the cell of each column of ours, ``width`` counts all cells.
+    """How the cells lie: ``known`` gives the cell of each column of ours.
 
     ``body_at`` is the offset of the first row, ``line`` the number of its line.
     """
 
-    delimiter: str
-    width: int
+    header: Header
     known: dict[str, Cell]
     comma: bool
     body_at: int
@@ -69,60 +65,42 @@ def from_utf16(data: bytes) -> bytes:
     return data.decode("utf-16", "replace").encode() if data[:2] in _UTF16 else data
 
 
-def text_head(head: bytes) -> bytes:
-    """The beginning of a text in UTF-8, if it is UTF-16 that was cut anywhere, else ``head`` itself."""
-    return from_utf16(head[: len(head) // 2 * 2]) if head[:2] in _UTF16 else head
+def header_of(data: bytes) -> Header:
+    """The header of a text, or of its beginning; where there is none, one cell that is empty.
 
-
-def first_line(data: bytes) -> tuple[int, int, bytes]:
-    """Number, offset and content of the first line that is neither blank nor a # comment."""
+    Of UTF-16, offsets are those of the same text in UTF-8.
+    """
+    data = from_utf16(data)
     start = len(_BOM) if data.startswith(_BOM) else 0
-    for number, match in enumerate(re.finditer(rb"[^\r\n]*(?:\r\n|\r|\n|$)", data[start:65536]), 1):
-        line = match.group().strip()
-        if line and not line.startswith(b"#"):
-            return number, start + match.start() + match.group().index(line), line
-    return 1, start, b""
+    number, at, line = 1, start, b""
+    for count, match in enumerate(re.finditer(rb"[^\r\n]*(?:\r\n|\r|\n|$)", data[start:65536]), 1):
+        content = match.group().strip()
+        if content and not content.startswith(b"#"):
+            number, at, line = count, start + match.start() + match.group().index(content), content
+            break
+    delimiter = max(DELIMITERS, key=lambda d: line.count(d.encode()))
+    cells = [c.strip().strip('"').strip() for c in line.decode("utf-8", "replace").split(delimiter)]
+    return Header(number, at, line, delimiter, cells)
 
 
-def delimiter_of(line: bytes) -> str:
-    """The delimiter that occurs most in the header."""
-    return max(DELIMITERS, key=lambda d: line.count(d.encode()))
-
-
-def cells_as_written(line: bytes, delimiter: str) -> list[str]:
-    """The names in the header as they are written, without blanks and quotes around."""
-    return [c.strip().strip('"').strip() for c in line.decode("utf-8", "replace").split(delimiter)]
-
-
-def header_cells(line: bytes, delimiter: str) -> list[str]:
-    """The names in the header, lower case, without blanks and quotes around."""
-    return [cell.lower() for cell in cells_as_written(line, delimiter)]
-
-
-def understood_header(data: bytes, schema: Schema) -> tuple[Known, list[str], str, int]:
-    """What the header says: the columns, its cells, the delimiter, and the number of its line.
+def understood_header(data: bytes, schema: Schema) -> tuple[Known, Header]:
+    """The header, and which columns it has.
 
     Raises ``MalformedLogError`` naming the required columns that it lacks, or one that a person named and it has not.
     """
-    number, _, line = first_line(data)
-    delimiter = delimiter_of(line)
-    header = cells_as_written(line, delimiter)
-    if len(header) > MOST_CELLS:
+    header = header_of(data)
+    cells, where = header.cells, f"line {header.number}"
+    if len(cells) > MOST_CELLS:
         raise MalformedLogError(
-            f"The first line of this CSV, line {number}, has {len(header)} cells; {MOST_CELLS} are read at most. Put a "
+            f"The first line of this CSV, {where}, has {len(cells)} cells; {MOST_CELLS} are read at most. Put a "
             "header before the rows.",
-            where=f"line {number}",
+            where=where,
         )
-    if schema.understood is not None:
-        columns = schema.understood(header, schema)
-    else:
-        columns = csv_names.known_columns(
-            header, schema.columns, schema.named, loose=schema.loose, part=schema.part
-        )
+    columns = (schema.understood or csv_names.known_columns)(cells, schema)
     missing = schema.lacking(columns.cells)
     if missing:
-        raise MalformedLogError(csv_names.missing_sentence(missing, header, number), where=f"line {number}")
-    return columns, header, delimiter, number
+        raise MalformedLogError(csv_names.missing_sentence(missing, cells, header.number), where=where)
+    return columns, header
 
 
 def sections(data: bytes, notes: Notes) -> Iterator[tuple[bytes, int]]:
@@ -131,10 +109,10 @@ def sections(data: bytes, notes: Notes) -> Iterator[tuple[bytes, int]]:
     Some programs write the header again in the middle, when recording goes on, and with other columns when these
     changed. A repeated header is made a blank line.
     """
-    at, line = first_line(data)[1:]
-    lead = line[: line.find(delimiter_of(line).encode()) + 1]
-    starts = sorted(_lines_with(lead, data, at)) if len(lead) > 3 else []
-    cuts, blanks, current = [0], list[tuple[int, int]](), line
+    header = header_of(data)
+    lead = header.line[: header.line.find(header.delimiter.encode()) + 1]
+    starts = sorted(_lines_with(lead, data, header.at)) if len(lead) > 3 else []
+    cuts, blanks, current = [0], list[tuple[int, int]](), header.line
     for start in starts:
         end = LINE_END.search(data, start)
         again = data[start : end.start() if end else len(data)].strip()
@@ -174,20 +152,15 @@ def _without(data: bytes, blanks: list[tuple[int, int]], cuts: list[int]) -> tup
 
 def layout_of(data: bytes, notes: Notes, schema: Schema, *, lines_before: int = 0) -> Layout:
     """Read the header; raises as ``understood_header``."""
-    columns, header, delimiter, number = understood_header(data, schema)
-    _, at, line = first_line(data)
+    columns, header = understood_header(data, schema)
     for sentence in (csv_names.taken_sentence(columns), csv_names.unknown_sentence(columns, schema.columns)):
         if sentence:
             notes.warn(sentence)
-    twice = sorted(
-        c for c, times in Counter(map(str.lower, header)).items() if times > 1 and c in columns.cells
-    )
+    twice = sorted(c for c, times in Counter(header.names).items() if times > 1 and c in columns.cells)
     if twice:
         notes.warn(f"The CSV names columns twice, of which the first is used: {', '.join(twice)}.")
-    at += len(line)
-    while data[at : at + 1] in (b" ", b"\t"):
-        at += 1
-    end = LINE_END.match(data, at)
-    at = end.end() if end else at
-    comma = delimiter != "," and bool(_DECIMAL_COMMA.search(data[at : at + 65536]))
-    return Layout(delimiter, len(header), columns.cells, comma, at, number + 1 + lines_before, schema)
+    at = header.at + len(header.line)
+    rest = _REST_OF_LINE.match(data, at)
+    at = rest.end() if rest else at
+    comma = header.delimiter != "," and bool(_DECIMAL_COMMA.search(data[at : at + 65536]))
+    return Layout(header, columns.cells, comma, at, header.number + 1 + lines_before, schema)

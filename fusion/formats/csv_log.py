@@ -19,8 +19,8 @@ from fusion.formats.base import (
     usable_positions,
 )
 from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_header import COLUMNS, Schema
-from fusion.formats.csv_names import GPS_TIME, PRESSURE_OF_VEHICLE, UNSTATED_SPEED
+from fusion.formats.csv_header import COLUMNS
+from fusion.formats.csv_names import GPS_TIME, PRESSURE_OF_VEHICLE, UNSTATED_SPEED, Schema
 from fusion.types import (
     AngularRate,
     Attitude,
@@ -109,7 +109,7 @@ class NamedColumnsCsv(EitherWay):
 
     def refuse_header(self, head: bytes, *, part: bool) -> None:
         """See ``LogFormat``."""
-        csv_header.understood_header(csv_header.text_head(head), self.schema(part=part))
+        csv_header.understood_header(head, self.schema(part=part))
 
     def read(self, data: Data, progress: Progress, *, part: bool = False) -> DriveLog:
         """See ``EitherWay``."""
@@ -118,12 +118,11 @@ class NamedColumnsCsv(EitherWay):
         parts: dict[str, list[SensorTable]] = {}
         for section, before in csv_header.sections(text, notes):
             layout = csv_header.layout_of(section, notes, schema, lines_before=before)
-            for block, share in read_blocks(section, layout, notes):
+            for block in read_blocks(section, layout, notes, progress):
                 for sensor, table in _assemble(block, unit, notes).items():
                     if len(table):
                         parts.setdefault(sensor, []).append(table)
                 refuse_many(sum(map(len, parts.get("fix", ()))))
-                progress("read rows", share)
         tables = {sensor: _joined(parts.pop(sensor), notes) for sensor in list(parts)}
         progress("read rows", 1.0)
         force = tables.pop("device", None)
@@ -158,9 +157,7 @@ def _joined(parts: list[SensorTable], notes: Notes) -> SensorTable:
 
 
 def _assemble(block: Block, unit: _SpeedUnit, notes: Notes) -> dict[str, SensorTable]:
-    rows = len(next(iter(block.columns.values())))
-    unknown = np.full(rows, np.nan)
-    col = {name: block.columns.get(name, unknown) for name in COLUMNS}
+    col = {name: block.column(name) for name in COLUMNS}
     _forget_placeholders(col, notes)
     time_s, sensor_s = _row_times(block, col)
     lat, lon = col["lat_deg"], col["lon_deg"]

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from itertools import product
 
@@ -99,29 +99,41 @@ class Known:
     unknown: tuple[str, ...]
 
 
-def known_columns(
-    header: Sequence[str],
-    columns: Sequence[str],
-    named: Mapping[str, str],
-    *,
-    loose: bool,
-    part: bool = False,
-) -> Known:
-    """Which of a header's cells (as they are written) are which of ``columns``.
+@dataclass(frozen=True)
+class Schema:
+    """What a kind of CSV may have: its columns, those of them that hold words, and which are ``lacking`` of those.
 
-    ``named``: what a person says, ours -> the header's; ``MalformedLogError`` where the header has no such cell, unless
-    the file is a ``part`` of a drive. ``loose``: names of other programs are understood too.
+    The columns ``clocks`` hold times as texts or as numbers since 1970. ``named`` is what a person says of names,
+    ours -> the header's. ``loose``: names of other programs are understood. ``part``: the file may hold
+    a part of a drive only.
     """
-    cells = _named(header, named, part=part)
+
+    columns: tuple[str, ...]
+    lacking: Callable[[Collection[str]], list[str]]
+    words: frozenset[str] = frozenset()
+    named: Mapping[str, str] = field(default_factory=dict)
+    loose: bool = False
+    part: bool = False
+    clocks: frozenset[str] = frozenset({TIME})
+    understood: Callable[[list[str], Schema], Known] | None = None
+    """How the header is understood, where not by ``known_columns``."""
+
+
+def known_columns(header: Sequence[str], schema: Schema) -> Known:
+    """Which of a header's cells (as they are written) are which columns of the schema.
+
+    ``MalformedLogError`` where the header has no cell that a person names, unless the file is a part of a drive.
+    """
+    cells = _named(header, schema.named, part=schema.part)
     used = {cell.index for cell in cells.values()}
     lower = [cell.lower() for cell in header]
     often = Counter(lower)
-    for ours in columns:
+    for ours in schema.columns:
         if ours not in cells and ours in lower and lower.index(ours) not in used:
             cells[ours] = Cell(lower.index(ours))
             used.add(cells[ours].index)
     by_name: list[str] = []
-    for index, name in enumerate(header) if loose else ():
+    for index, name in enumerate(header) if schema.loose else ():
         ours, cell = _understood(name, index)
         if index in used or not ours or ours in cells or (ours in _SAME and _SAME[ours] in cells):
             continue
@@ -130,7 +142,7 @@ def known_columns(
         by_name.append(f"{name[:_SHOWN]!r} as {_shown(ours)}{_converted(cell)}")
     unknown = [n for k, n in enumerate(header) if k not in used and often[n.lower()] == 1]
     unknown += sorted({n for n in header if often[n.lower()] > 1 and n.lower() not in cells})
-    return Known(cells, tuple(by_name), tuple(n for n in unknown if n.lower() not in columns))
+    return Known(cells, tuple(by_name), tuple(n for n in unknown if n.lower() not in schema.columns))
 
 
 _SAME = {TIME: "time_s", GPS_TIME: "time_s", UNSTATED_SPEED: "speed_mps"}
@@ -169,11 +181,7 @@ def _understood(name: str, index: int) -> tuple[str, Cell]:
         base, unit = _split(name, dimension, camel=camel)
         for candidate in (base, *(base.removeprefix(f"{s}_") for s in _SOURCES if base.startswith(f"{s}_"))):
             ours, its_dimension = _NAMES.get(candidate, ("", ""))
-            if (
-                not ours
-                or (dimension and its_dimension != dimension)
-                or (unit and its_dimension != dimension)
-            ):
+            if not ours or ((dimension or unit) and its_dimension != dimension):
                 continue
             if base.startswith("obd_") and ours == "speed_mps":
                 ours = "odo_speed_mps"

@@ -74,9 +74,8 @@ class GpxFormat(LogFormat):
         good = usable_positions(
             points.time_s, points.column("lat"), points.column("lon"), notes, lambda i: f"track point {i + 1}"
         )
-        tables = _tables(
-            points, slice(None) if good.all() else good, bool(METRES_AS_HDOP.search(_beginning(data))), notes
-        )
+        metres_as_hdop = METRES_AS_HDOP.search(_beginning(data)) is not None
+        tables = _tables(points, good, metres_as_hdop, notes)
         return build_log(self, notes, tables, outages_s=_gaps(points, good))
 
 
@@ -85,9 +84,7 @@ def _beginning(data: Data) -> bytes:
     return bytes(data[:HEAD_BYTES]).replace(b"\x00", b"")
 
 
-def _tables(
-    points: Points, good: Bools | slice, metres_as_hdop: bool, notes: Notes
-) -> dict[str, SensorTable]:
+def _tables(points: Points, good: Bools, metres_as_hdop: bool, notes: Notes) -> dict[str, SensorTable]:
     time_s = points.time_s[good]
 
     def column(*names: str) -> Floats:
@@ -115,6 +112,6 @@ def _tables(
 
 def _gaps(points: Points, good: Bools) -> Floats:
     """The time of each segment's first point, save the first segment's."""
-    segment = points.pieces(("trkseg",))[good]
+    segment = points.pieces("trkseg")[good]
     begins = np.flatnonzero(np.diff(segment) != 0) + 1
     return points.time_s[good][begins]

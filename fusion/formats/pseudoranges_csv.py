@@ -10,8 +10,9 @@ import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats import csv_header
-from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Data, LogFormat, Notes, build_log
+from fusion.formats.base import Data, LogFormat, Notes, build_log, is_possible_time, positive
 from fusion.formats.csv_cells import Block, read_blocks
+from fusion.formats.csv_names import Schema
 from fusion.signals import (
     CARRIER_HZ,
     GLONASS,
@@ -49,7 +50,7 @@ def _lacking(header: Collection[str]) -> list[str]:
     return out
 
 
-SCHEMA = csv_header.Schema(COLUMNS, _lacking, frozenset({"system", "sv"}))
+SCHEMA = Schema(COLUMNS, _lacking, frozenset({"system", "sv"}))
 
 
 class PseudorangesCsvFormat(LogFormat):
@@ -69,19 +70,14 @@ class PseudorangesCsvFormat(LogFormat):
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        line = csv_header.first_line(csv_header.text_head(head))[2]
-        if PSEUDORANGE.encode() not in line.lower():
-            return False
-        return PSEUDORANGE in csv_header.header_cells(line, csv_header.delimiter_of(line))
+        return PSEUDORANGE in csv_header.header_of(head).names
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""
         notes = Notes()
         text = csv_header.from_utf16(bytes(data))
-        parts: list[dict[str, Floats]] = []
-        for block, share in read_blocks(text, csv_header.layout_of(text, notes, SCHEMA), notes):
-            parts.append(_columns(block, notes))
-            progress("read rows", share)
+        layout = csv_header.layout_of(text, notes, SCHEMA)
+        parts = [_columns(block, notes) for block in read_blocks(text, layout, notes, progress)]
         progress("read rows", 1.0)
         joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} if parts else {}
         signals = _signals(joined, notes) if joined else Signals.empty()
@@ -96,22 +92,19 @@ class PseudorangesCsvFormat(LogFormat):
 
 def _columns(block: Block, notes: Notes) -> dict[str, Floats]:
     """The rows of a block that can be used, as numbers: system and satellite as well, and GPS seconds."""
-    rows = len(block.columns[PSEUDORANGE])
-    unknown = np.full(rows, np.nan)
-    col = {name: block.columns.get(name, unknown) for name in COLUMNS}
+    col = {name: block.column(name) for name in COLUMNS}
     stated = np.isfinite(col["time_s"])
     gps_s = np.where(stated, gps_from_unix(np.where(stated, col["time_s"], 0)), np.nan)
     with np.errstate(over="ignore"):
         of_week = col["gps_week"] * WEEK_S + col["tow_s"]
     gps_s = np.where(np.isfinite(gps_s), gps_s, of_week)
     system, number = _satellites(block, col["satellite"])
-    with np.errstate(invalid="ignore"):
-        time_s = unix_from_gps(np.nan_to_num(gps_s, nan=-1e12))
-        faults = (
-            ("rows at no possible time", ~((time_s > MIN_TIME_S) & (time_s < MAX_TIME_S))),
-            ("rows of satellites that are not known", (system < 0) | ~((number >= 1) & (number < _MOST_SATELLITES))),
-            ("pseudoranges that are missing or cannot be", ~((col[PSEUDORANGE] > 0) & (col[PSEUDORANGE] < LARGEST_M))),
-        )  # fmt: skip
+    time_s = unix_from_gps(np.nan_to_num(gps_s, nan=-1e12))
+    faults = (
+        ("rows at no possible time", ~is_possible_time(time_s)),
+        ("rows of satellites that are not known", (system < 0) | ~((number >= 1) & (number < _MOST_SATELLITES))),
+        ("pseudoranges that are missing or cannot be", ~((col[PSEUDORANGE] > 0) & (col[PSEUDORANGE] < LARGEST_M))),
+    )  # fmt: skip
     good = notes.sift(faults, block.place, position=True)
     names = (PSEUDORANGE, *PLACE, *MOTION, *_STATED)
     out = {name: col[name][good] for name in names}
@@ -120,9 +113,8 @@ def _columns(block: Block, notes: Notes) -> dict[str, Floats]:
 
 def _satellites(block: Block, numbers: Floats) -> tuple[Ints, Floats]:
     """System (-1 if unknown) and number of each row, from ``sv`` where it is filled, else from the two columns."""
-    rows = len(numbers)
-    named = [_satellite(name) for name in block.words.get("sv", [""] * rows)]
-    letters = [SYSTEMS.find(c.upper()) if c else -1 for c in block.words.get("system", [""] * rows)]
+    named = [_satellite(name) for name in block.words.get("sv", [""] * len(block))]
+    letters = [SYSTEMS.find(c.upper()) if c else -1 for c in block.words.get("system", [""] * len(block))]
     system, number = np.array(named, np.int64).reshape(-1, 2).T
     by_name = number > 0
     return np.where(by_name, system, letters), np.where(by_name, number, numbers)
@@ -138,7 +130,7 @@ def _satellite(name: str) -> tuple[int, int]:
 def _signals(col: dict[str, Floats], notes: Notes) -> Signals:
     place = np.column_stack([col[name] for name in PLACE])
     motion = np.column_stack([col[name] for name in MOTION])
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(over="ignore"):
         has_place = np.linalg.norm(place, axis=1) > _NEAREST_SATELLITE_M
     keep = has_place if has_place.any() else np.ones(len(has_place), bool)
     if not keep.all():
@@ -149,7 +141,7 @@ def _signals(col: dict[str, Floats], notes: Notes) -> Signals:
     system = col["system"].astype(np.int64)
     usual = np.where(system == GLONASS, np.nan, CARRIER_HZ[system])  # GLONASS has one for every channel
     carrier = np.where(np.isfinite(col["frequency_hz"]), col["frequency_hz"], usual)
-    sigma = np.where(col["sigma_m"] > 0, col["sigma_m"], np.nan)
+    sigma = positive(col["sigma_m"])
     signals = Signals.assemble(
         col["gps_s"][keep], system[keep], col["number"][keep].astype(np.int64),
         pseudorange_m=col[PSEUDORANGE][keep], range_rate_mps=col["range_rate_mps"][keep],

@@ -10,24 +10,13 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-import pyarrow as pa
-from pyarrow import compute as pc
-from pyarrow import csv
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import (
-    GPS_EPOCH_S,
-    WEEK_S,
-    Data,
-    LogFormat,
-    Notes,
-    build_log,
-    positive,
-    usable_positions,
-)
+from fusion.formats.base import Data, LogFormat, Notes, build_log, positive, usable_positions
+from fusion.formats.csv_cells import plain_columns
 from fusion.formats.time_texts import times_of
 from fusion.frames import geodetic
-from fusion.signals import unix_from_gps
+from fusion.signals import GPS_EPOCH_S, WEEK_S, unix_from_gps
 from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Ints, Progress, SensorTable
 
 _HEADER = re.compile(
@@ -35,9 +24,8 @@ _HEADER = re.compile(
 )
 _KINDS = ("latitude(deg)", "latitude(d'\")", "x-ecef(m)", "e-baseline(m)")
 _JST_AHEAD_S = 9 * 3600.0
-_TIME = re.compile(rb"\d{4}/\d{1,2}/\d{1,2} \d{1,2}:\d{2}:\d{2}(?:\.\d+)?$")
 _MOST_CELLS = 40
-_TO_BLANKS = bytes.maketrans(b",;\t", b"   ")
+_TO_BLANKS = bytes.maketrans(b",;\t\r\v\f", b"      ")
 _LARGEST = 1e12
 """No metre, degree or metre a second that is written is as large."""
 _EARTH_M = (6_200_000.0, 6_500_000.0)
@@ -117,117 +105,38 @@ class _Rows:
 
 
 def _rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
-    """The lines, all at once where they are whole, else cell by cell; those that are broken are counted."""
-    begin = re.search(rb"(?m)^[^%\s]", text)
-    body = text[begin.start() :] if begin else b""
-    plain = body.replace(b"\r\n", b"\n").translate(_TO_BLANKS)
-    while b"  " in plain:
-        plain = plain.replace(b"  ", b" ")
-    if begin and b"%" not in plain and (values := _uniform_rows(plain, header)):
-        times, cells = values
-        before = text.count(b"\n", 0, begin.start())
-        return _Rows(*times, cells, before + 1 + np.arange(len(cells)))
-    return _single_rows(text, header, notes)
-
-
-def _uniform_rows(body: bytes, header: _Header) -> tuple[tuple[Floats, bool], Floats] | None:
-    """Times and cells of lines that all have as many cells as the first and nothing but numbers; None of others."""
-    body = body.replace(b" \n", b"\n").strip()
-    first = body.split(b"\n", 1)[0].split(b" ")
-    rows = body.count(b"\n") + 1
-    if len(first) < _least_cells(header) or len(first) > _MOST_CELLS or b"\n\n" in body or b"\n " in body:
-        return None
-    names = [f"c{i}" for i in range(len(first))]
-    of_week = b"/" not in first[0]
-    kinds = dict.fromkeys(names, pa.float64())
-    if not of_week:
-        kinds |= {"c0": pa.string(), "c1": pa.string()}
-    try:
-        table = _parsed(body, kinds)
-    except pa.ArrowException:
-        return None
-    if table.num_rows != rows:
-        return None
-    lead = [table.column(name) for name in names[:2]]
-    cells = np.column_stack([table.column(name).to_numpy() for name in names[2:]])
+    """The lines with as many cells as the longest of the first hundred; the others are counted."""
+    blanks = text.translate(_TO_BLANKS)
+    while b"  " in blanks:
+        blanks = blanks.replace(b"  ", b" ")
+    lines = [(number, line.strip()) for number, line in enumerate(blanks.split(b"\n"), 1) if line[:1] != b"%"]
+    lines = [(number, row) for number, row in lines if row]
+    count = np.array([min(row.count(b" "), _MOST_CELLS) + 1 for _, row in lines], np.int64)
+    least = 2 + (7 if header.columns[0] == _KINDS[1] else 3)
+    width = int(count[:100].max(initial=0))
+    good = (count == width) & (width >= least)
+    if not good.all():
+        first = int(np.argmin(good))
+        example = f"line {lines[first][0]}: {count[first]} cells instead of {width}"
+        notes.skip("lines with another number of cells", int((~good).sum()), example, position=True)
+    lines = [line for line, is_good in zip(lines, good, strict=True) if is_good]
+    number = np.array([number for number, _ in lines], np.int64)
+    if not lines:
+        return _Rows(np.empty(0), False, np.empty((0, max(width, least) - 2)), number)
+    rows = [row for _, row in lines]
+    of_week = b"/" not in rows[0].split(b" ", 1)[0]
+    names = {f"c{k}": k for k in range(0 if of_week else 2, width)}
+    cells = np.column_stack(list(plain_columns(rows, " ", names).values()))
     if of_week:
-        return (_of_week(*(column.to_numpy() for column in lead)), True), cells
-    texts = pc.binary_join_element_wise(*lead, " ").to_pylist()
-    return (times_of(texts)[0], False), cells
-
-
-def _parsed(body: bytes, kinds: dict[str, pa.DataType]) -> pa.Table:
-    """Lines of cells with single blanks between; raises ``ArrowException`` where a cell is not of its kind."""
-    return csv.read_csv(
-        pa.py_buffer(body),
-        csv.ReadOptions(use_threads=False, block_size=max(1 << 20, len(body) + 1), column_names=list(kinds)),
-        csv.ParseOptions(delimiter=" ", quote_char=False),
-        csv.ConvertOptions(column_types=kinds),
-    )
-
-
-def _least_cells(header: _Header) -> int:
-    return 2 + (7 if header.columns[0] == _KINDS[1] else 3)
-
-
-def _single_rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
-    lines = text.split(b"\n")
-    plain = [
-        (row.replace(b",", b" ").replace(b";", b" "), k)
-        for k, row in enumerate(lines, 1)
-        if row[:1] != b"%" and row.strip()
-    ]
-    cells = [row.split(None, _MOST_CELLS) for row, _ in plain]
-    least = _least_cells(header)
-    width = max((len(row) for row in cells[:100]), default=0)
-    good = [len(row) == width and width >= least for row in cells]
-    if not all(good):
-        first = good.index(False)
-        example = f"line {plain[first][1]}: {len(cells[first])} cells instead of {width}"
-        notes.skip("lines with another number of cells", good.count(False), example, position=True)
-    good_cells = [row for row, ok in zip(cells, good, strict=True) if ok]
-    line = np.array([k for (_, k), ok in zip(plain, good, strict=True) if ok], np.int64)
-    if not good_cells:
-        return _Rows(np.empty(0), False, np.empty((0, max(width - 2, least - 2))), line)
-    of_week = b"/" not in good_cells[0][0]
-    if of_week:
-        time_s = _of_week(*_numbers([row[:2] for row in good_cells]).T)
-    else:
-        texts = [b" ".join(row[:2]) for row in good_cells]
-        time_s = times_of([text.decode() if _TIME.match(text) else None for text in texts])[0]
-    return _Rows(time_s, of_week, _numbers([row[2:] for row in good_cells]), line)
-
-
-def _of_week(week: Floats, second: Floats) -> Floats:
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(week * WEEK_S + second)
-
-
-def _numbers(rows: list[list[bytes]]) -> Floats:
-    """Numbers (n, k) of cells; NaN where one is none."""
-    width = len(rows[0])
-    body = b"\n".join(b" ".join(row) for row in rows) + b"\n"
-    names = [f"c{i}" for i in range(width)]
-    try:
-        table = _parsed(body, dict.fromkeys(names, pa.float64()))
-        if table.num_rows == len(rows):
-            return np.column_stack([table.column(name).to_numpy() for name in names])
-    except pa.ArrowException:
-        pass
-    return np.array([[_number(cell) for cell in row] for row in rows], float)
-
-
-def _number(cell: bytes) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
+        with np.errstate(over="ignore"):
+            return _Rows(cells[:, 0] * WEEK_S + cells[:, 1], of_week, cells[:, 2:], number)
+    times = [b" ".join(row.split(b" ", 2)[:2]).decode("ascii", "replace") for row in rows]
+    return _Rows(times_of(times)[0], of_week, cells, number)
 
 
 def _tables(rows: _Rows, header: _Header, notes: Notes) -> dict[str, SensorTable]:
     time_s = _unix(rows, header)
-    with np.errstate(invalid="ignore"):
-        cells = np.where(np.abs(rows.cells) < _LARGEST, rows.cells, np.nan)
+    cells = np.where(np.abs(rows.cells) < _LARGEST, rows.cells, np.nan)
     columns = list(header.columns)
     if columns[0] == _KINDS[1]:
         lat, lon = _sexagesimal(cells[:, 0:3]), _sexagesimal(cells[:, 3:6])
@@ -255,18 +164,18 @@ def _velocity(time_s: Floats, col: dict[str, Floats], lat_deg: Floats, lon_deg: 
     """North, east and down, where the columns are there; of earth-centred ones turned into these."""
     nothing = np.full(len(time_s), np.nan)
     if "vn(m/s)" in col:
-        north, east, up = (col.get(f"v{axis}(m/s)", nothing) for axis in "neu")
-        sigmas = [col.get(name, nothing) for name in ("sdvn", "sdve", "sdvu")]
-        sigmas = [col.get(f"{n}(m/s)", s) for n, s in zip(("sdvn", "sdve", "sdvu"), sigmas, strict=True)]
+        axes = "neu"
+        north, east, up = (col.get(f"v{axis}(m/s)", nothing) for axis in axes)
     elif "vx(m/s)" in col:
-        vx, vy, vz = (col.get(f"v{axis}(m/s)", nothing) for axis in "xyz")
+        axes = "xyz"
+        vx, vy, vz = (col.get(f"v{axis}(m/s)", nothing) for axis in axes)
         lat, lon = np.radians(lat_deg), np.radians(lon_deg)
         level = np.cos(lon) * vx + np.sin(lon) * vy
         north, east = np.cos(lat) * vz - np.sin(lat) * level, np.cos(lon) * vy - np.sin(lon) * vx
         up = np.cos(lat) * level + np.sin(lat) * vz
-        sigmas = [col.get(name, col.get(f"{name}(m/s)", nothing)) for name in ("sdvx", "sdvy", "sdvz")]
     else:
         return GnssVelocity.empty()
+    sigmas = [col.get(f"sdv{axis}", col.get(f"sdv{axis}(m/s)", nothing)) for axis in axes]
     # a mean of the axes, as receivers state the accuracy of speeds
     s_acc = positive(np.sqrt((sigmas[0] ** 2 + sigmas[1] ** 2 + sigmas[2] ** 2) / 3))
     still = (north == 0) & (east == 0) & (up == 0) & ~np.isfinite(s_acc)  # written where there is no Doppler

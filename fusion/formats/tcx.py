@@ -56,19 +56,14 @@ class TcxFormat(LogFormat):
         notes = Notes()
         points = read_points(data, LAYOUT, notes, progress)
         _refuse_undriven(points)
-        lat, lon = points.column("lat"), points.column("lon")
+        lat, lon, alt, speed = (points.column(name) for name in ("lat", "lon", "alt", "speed"))
         placed = np.isfinite(lat) | np.isfinite(lon)
         notes.skip("track points without a position", int((~placed).sum()))
         good = usable_positions(points.time_s, lat, lon, notes, lambda i: f"track point {i + 1}", need=placed)
-        speed = points.column("speed")
         moving = good & (speed >= 0)
         here = good & placed
         fix = GnssFix.assemble(
-            points.time_s[here],
-            notes.repaired,
-            lat_deg=lat[here],
-            lon_deg=lon[here],
-            alt_msl_m=points.column("alt")[here],
+            points.time_s[here], notes.repaired, lat_deg=lat[here], lon_deg=lon[here], alt_msl_m=alt[here]
         )
         odometry = Odometry.assemble(points.time_s[moving], speed_mps=speed[moving])
         tables: dict[str, SensorTable] = {"fix": fix, "odometry": odometry}
@@ -100,7 +95,7 @@ def _refuse_undriven(points: Points) -> None:
 def _gaps(points: Points, here: Bools) -> Floats:
     """The first position of each track, save the first, and save those of laps that follow at once."""
     time_s = points.time_s[here]
-    track, lap = points.pieces(("Track",))[here], points.pieces(("Lap",))[here]
+    track, lap = points.pieces("Track")[here], points.pieces("Lap")[here]
     begins = np.flatnonzero(np.diff(track) != 0) + 1
     lap_only = (np.diff(lap)[begins - 1] != 0) & (time_s[begins] - time_s[begins - 1] <= LAPS_STEP_S)
     return np.asarray(time_s[begins[~lap_only]])

@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from fusion.formats.csv_header import COLUMNS, Schema, cells_as_written, delimiter_of, first_line, text_head
+from fusion.formats.csv_header import COLUMNS, from_utf16, header_of
 from fusion.formats.csv_log import DEVICE_AXES, DEVICE_TIME, NamedColumnsCsv
-from fusion.formats.csv_names import Cell, Known, known_columns
+from fusion.formats.csv_names import Cell, Known, Schema, known_columns
 
 _MARKS = re.compile(
     r"device ?time|\bobd\b|engine (?:rpm|load|coolant)|^rpm\b|vehicle ?speed|\bg\([xyz]\)|from vehicle|coolant temp|"
@@ -21,11 +21,9 @@ _PLACE = re.compile(r"^(?:gps |gnss )?(?:lat|latitude)\b")
 _OWN = {"device time": DEVICE_TIME, "g(x)": DEVICE_AXES[0], "g(y)": DEVICE_AXES[1], "g(z)": DEVICE_AXES[2]}
 
 
-def is_vehicle_log(head: bytes) -> bool:
-    """Whether the first line names positions and what only a car's bus or such an app tells."""
-    line = first_line(head)[2]
-    cells = [cell.lower() for cell in cells_as_written(line[:20_000], delimiter_of(line))]
-    return any(map(_PLACE.search, cells)) and any(map(_MARKS.search, cells))
+def is_vehicle_log(names: Collection[str]) -> bool:
+    """Whether a header names positions and what only a car's bus or such an app tells."""
+    return any(map(_PLACE.search, names)) and any(map(_MARKS.search, names))
 
 
 class TorqueFormat(NamedColumnsCsv):
@@ -42,8 +40,8 @@ class TorqueFormat(NamedColumnsCsv):
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        head = text_head(head)
-        return b"\x00" not in head[:4096] and is_vehicle_log(head)
+        head = from_utf16(head)
+        return b"\x00" not in head[:4096] and is_vehicle_log(header_of(head).names)
 
     def schema(self, *, part: bool) -> Schema:
         """See ``NamedColumnsCsv``."""
@@ -63,6 +61,6 @@ def _understood(header: list[str], schema: Schema) -> Known:
     """By names as in any CSV, and by those that only such apps write; what no slope needs is not complained of."""
     own = {_OWN[cell.lower()]: k for k, cell in enumerate(header) if cell.lower() in _OWN}
     rest = ["" if k in own.values() else cell for k, cell in enumerate(header)]
-    columns = known_columns(rest, schema.columns, schema.named, loose=True, part=schema.part)
+    columns = known_columns(rest, schema)
     cells = {**{ours: Cell(index) for ours, index in own.items()}, **columns.cells}
     return Known(cells, () if DEVICE_TIME in own else columns.taken, ())

@@ -98,8 +98,7 @@ def transcode(text: str, notes: Notes) -> tuple[bytes, Callable[[int], int]]:
         offsets.append(len(out))
         lines.append(number)
         out += piece
-    if bare:
-        notes.skip("packet console lines (they name messages without their content)", bare)
+    notes.skip("packet console lines (they name messages without their content)", bare)
 
     def line_of(offset: int) -> int:
         at = bisect_right(offsets, offset) - 1
@@ -122,11 +121,10 @@ def _pieces(text: str, notes: Notes) -> Iterator[tuple[int, bytes | None]]:
                 yield block_line, _encode(block, notes, block_line)
             block = [line] if starts and not broken else []
             block_line = number
-            broken = bool(header) and header.group(1).split() != header.group(2).split() if header else False
+            broken = header is not None and header.group(1).split() != header.group(2).split()
             if broken:
-                notes.skip(
-                    "listed messages with a wrong checksum", 1, f"line {number}" if not notes.warnings else ""
-                )
+                example = "" if notes.warnings else f"line {number}"
+                notes.skip("listed messages with a wrong checksum", 1, example)
             continue
         shown = _console_line(line)
         if shown is not None:

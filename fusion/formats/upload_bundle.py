@@ -18,7 +18,6 @@ from fusion.signals import Navigation, RawGnss, Signals
 from fusion.types import DeviceMotion, DriveLog, SensorTable, ThreeAxes
 
 Table = TypeVar("Table", bound=SensorTable | Signals)
-Sensor = TypeVar("Sensor", bound=SensorTable)
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ def join(parts: Sequence[Part], notes: Notes) -> DriveLog:
     first, geoid = parts[0].log, "unknown"
     for sensor, own in first.tables().items():
         chosen = _not_overlapping([(part, part.log.tables()[sensor]) for part in parts], sensor, notes)
-        tables[sensor] = _follow(chosen) if chosen else type(own).empty()
+        tables[sensor] = type(own).empty().joined(*(table for _, table in chosen))
         geoid = chosen[0][0].log.geoid if sensor == "fix" and chosen else geoid
     raw = _raw(parts, notes)
     if not len(tables["fix"]) and (raw is None or not len(raw.signals)):
@@ -65,7 +64,7 @@ def _device(parts: Sequence[Part], notes: Notes) -> DeviceMotion:
     joined = {}
     for name in DeviceMotion().tables():
         chosen = _not_overlapping([(part, part.log.device.tables()[name]) for part in parts], name, notes)
-        joined[name] = _follow(chosen) if chosen else ThreeAxes.empty()
+        joined[name] = ThreeAxes.empty().joined(*(table for _, table in chosen))
     return DeviceMotion(**joined)
 
 
@@ -100,11 +99,6 @@ def _not_overlapping(tables: list[tuple[Part, Table]], what: str, notes: Notes) 
     return sorted(used, key=lambda one: float(one[1].time_s[0]))
 
 
-def _follow(chosen: list[tuple[Part, Sensor]]) -> Sensor:
-    (_, first), *others = chosen
-    return first.joined(*(table for _, table in others))
-
-
 def _raw(parts: Sequence[Part], notes: Notes) -> RawGnss | None:
     bringing = [(part, part.log.raw) for part in parts if part.log.raw is not None]
     if not bringing:
@@ -118,12 +112,8 @@ def _raw(parts: Sequence[Part], notes: Notes) -> RawGnss | None:
 
 def _signals(parts: list[Signals]) -> Signals:
     """One table of those that follow each other."""
-    if not parts:
-        return Signals.empty()
+    parts = [Signals.empty(), *parts]
     counts = np.concatenate([np.diff(s.first) for s in parts])
-    columns = {
-        f.name: np.concatenate([getattr(s, f.name) for s in parts])
-        for f in fields(Signals)
-        if f.name != "first"
-    }
+    names = [spec.name for spec in fields(Signals) if spec.name != "first"]
+    columns = {name: np.concatenate([getattr(s, name) for s in parts]) for name in names}
     return Signals(first=np.append(0, np.cumsum(counts)), **columns)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from fusion.formats.csv_header import COLUMNS, Schema, delimiter_of, first_line, header_cells, text_head
+from fusion.formats.csv_header import COLUMNS, from_utf16, header_of
 from fusion.formats.csv_log import NamedColumnsCsv
-from fusion.formats.csv_names import GPS_TIME
+from fusion.formats.csv_names import GPS_TIME, Schema
 from fusion.formats.phones.gnsslogger import has_log_header
 from fusion.formats.phones.sensor_logger import is_sensor_logger
 from fusion.formats.pseudoranges_csv import PSEUDORANGE
@@ -32,14 +32,14 @@ class VersantCsvFormat(NamedColumnsCsv):
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``: text whose first line has several cells, or one that is a column of ours."""
-        head = text_head(head)
-        line = first_line(head)[2]
+        head = from_utf16(head)
+        header = header_of(head)
+        line, names = header.line, header.names
         if not line or line.startswith(_OTHER_KINDS) or re.search(rb"[\x00-\x08\x0e-\x1f\x7f]", head[:4096]):
             return False
-        cells = header_cells(line, delimiter_of(line))
-        if PSEUDORANGE in cells or has_log_header(head) or is_sensor_logger(line) or is_vehicle_log(head):
+        if PSEUDORANGE in names or has_log_header(head) or is_sensor_logger(names) or is_vehicle_log(names):
             return False
-        return any(c in COLUMNS for c in cells) or (len(cells) > 1 and _is_text(line))
+        return any(name in COLUMNS for name in names) or (len(names) > 1 and _is_text(line))
 
     def schema(self, *, part: bool) -> Schema:
         """See ``NamedColumnsCsv``: a CSV of sensors alone, as a part of a drive, needs no columns of positions."""

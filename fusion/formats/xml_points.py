@@ -7,21 +7,21 @@ in arrays from the moment that it is read. Prefixes of names are ignored, declar
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, MutableSequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import repeat
+from typing import Any
 from xml.parsers import expat
 
 import numpy as np
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import Data, Notes, refuse_many
+from fusion.formats.base import Data, Notes, number_or_nan, refuse_many
 from fusion.formats.time_texts import unix_seconds
 from fusion.types import Floats, Ints, Progress
 
-NAN = float("nan")
 CHUNK_BYTES = 1 << 18
-TIMES_AT_ONCE = 1 << 15
 LONGEST_TEXT = 64
 """Characters of a value that are looked at, beyond any number or time."""
 DEEPEST = 100
@@ -73,10 +73,9 @@ class Points:
         """A column, all NaN where no point has it."""
         return self.columns.get(name, np.full(len(self), np.nan))
 
-    def pieces(self, elements: Iterable[str]) -> Ints:
+    def pieces(self, element: str) -> Ints:
         """By point, how many of these elements began before it."""
-        names = set(elements)
-        starts = np.array([at for element, at in self.breaks if element in names], np.int64)
+        starts = np.array([at for name, at in self.breaks if name == element], np.int64)
         return np.searchsorted(starts, np.arange(len(self)), side="right")
 
 
@@ -106,42 +105,24 @@ def read_points(data: Data, layout: Layout, notes: Notes, progress: Progress) ->
     return reader.points(notes)
 
 
-class _Kinds(dict[str, int]):
-    """What to do with an element, by its name with any prefix."""
-
-    def __init__(self, local: Mapping[str, int]) -> None:
-        super().__init__()
-        self._local = local
-
-    def __missing__(self, name: str) -> int:
-        kind = self._local.get(name.rpartition(":")[2], IGNORED)
-        if len(self) < MOST_NAMES:
-            self[name] = kind
-        return kind
-
-
 class _Reader:
     """The handlers, and what they fill. They run for every tag: so there are few steps in each."""
-
-    __slots__ = (
-        "_attributes", "_breaks", "_depth", "_inside", "_kinds", "_others", "_parser", "_pieces", "_targets", "_wanted",
-        "_what", "columns", "count", "times",
-    )  # fmt: skip
 
     def __init__(self, layout: Layout) -> None:
         self._what = layout.what
         self.columns = {name: array("d") for name in (*layout.attributes, *layout.fields.values())}
-        self.times = _Times()
+        self._times: list[str | None] = []
         self.count = 0
         """Points that are complete."""
         self._breaks: list[tuple[str, int]] = []
         self._others: dict[str, int] = {}
-        self._kinds = _Kinds(
+        kinds = (
             dict.fromkeys(layout.breaks, BREAK)
             | dict.fromkeys(layout.others, OTHER)
             | {element: k for k, element in enumerate(layout.fields)}
             | {layout.time: TIME, layout.point: POINT}
         )
+        self._kind_of = lru_cache(MOST_NAMES)(lambda name: kinds.get(name.rpartition(":")[2], IGNORED))
         self._targets = [self.columns[column] for column in layout.fields.values()]
         self._attributes = [(name, self.columns[name]) for name in layout.attributes]
         self._depth = 0
@@ -180,7 +161,7 @@ class _Reader:
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         self._depth += 1
-        kind = self._kinds[name]
+        kind = self._kind_of(name)
         if kind == IGNORED:
             return
         if self._inside:
@@ -190,7 +171,7 @@ class _Reader:
         elif kind == POINT:
             self._inside = self._depth
             for attribute, column in self._attributes:
-                column.append(_number(attributes.get(attribute, "")))
+                column.append(number_or_nan(attributes.get(attribute, "")))
         elif kind == BREAK:
             self._breaks.append((name.rpartition(":")[2], self.count))
         elif kind == OTHER:
@@ -204,14 +185,9 @@ class _Reader:
             pieces = self._pieces
             text = pieces[0] if len(pieces) == 1 else "".join(pieces)
             if kind == TIME:
-                self.times.take(self.count, text)
+                _put(self._times, self.count, text.strip()[:LONGEST_TEXT] or None, absent=None)
             else:
-                column = self._targets[kind]
-                missing = self.count - len(column)
-                if missing > 0:
-                    column.extend(repeat(NAN, missing))
-                if missing >= 0:  # the first counts
-                    column.append(_number(text))
+                _put(self._targets[kind], self.count, number_or_nan(text), absent=np.nan)
         elif self._depth == self._inside:
             self._inside = 0
             self.count += 1
@@ -222,60 +198,24 @@ class _Reader:
         columns = {}
         for name, values in self.columns.items():
             if len(values):
-                values.extend(repeat(NAN, self.count - len(values)))
+                values.extend(repeat(np.nan, self.count - len(values)))
                 column = np.frombuffer(values)[: self.count]
                 column[~np.isfinite(column)] = np.nan
                 columns[name] = column
-        return Points(
-            self.times.seconds(self.count, notes), columns, self._breaks, self._others, self.times.known
-        )
+        texts = self._times + [None] * (self.count - len(self._times))
+        time_s = unix_seconds(texts)
+        has_time = np.array([text is not None for text in texts], bool)
+
+        def say(point: int) -> str:
+            return f"point {point + 1}: {texts[point]!r:.60} is no time"
+
+        notes.sift((("times that cannot be read", np.isnan(time_s) & has_time),), say, position=True)
+        return Points(time_s[: self.count], columns, self._breaks, self._others, int(has_time.sum()))
 
 
-class _Times:
-    """The texts of times, turned into seconds many at once."""
-
-    def __init__(self) -> None:
-        self._texts: list[str | None] = []
-        self._seconds: list[Floats] = []
-        self._done = 0
-        self._unread = 0
-        self._first_unread = ""
-        self.known = 0
-        """Points that have a time, readable or not."""
-
-    def take(self, point: int, text: str) -> None:
-        """The time of a point; the first counts."""
-        missing = point - self._done - len(self._texts)
-        if missing < 0:
-            return
-        self._texts += [None] * missing
-        self._texts.append(text.strip() or None)
-        if len(self._texts) >= TIMES_AT_ONCE:
-            self._read()
-
-    def seconds(self, count: int, notes: Notes) -> Floats:
-        """Unix seconds of the first ``count`` points, NaN where they have no time; says what cannot be read."""
-        self._texts += [None] * (count - self._done - len(self._texts))
-        self._read()
-        notes.skip("times that cannot be read", self._unread, self._first_unread, position=True)
-        return np.concatenate(self._seconds)[:count]
-
-    def _read(self) -> None:
-        time_s = unix_seconds(self._texts)
-        has_text = np.array([text is not None for text in self._texts], bool)
-        unread = np.flatnonzero(np.isnan(time_s) & has_text)
-        if len(unread) and not self._unread:
-            at = int(unread[0])
-            self._first_unread = f"point {self._done + at + 1}: {self._texts[at]!r:.60} is no time"
-        self._unread += len(unread)
-        self.known += int(has_text.sum())
-        self._seconds.append(time_s)
-        self._done += len(time_s)
-        self._texts = []
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return NAN
+def _put(column: MutableSequence[Any], point: int, value: object, *, absent: object) -> None:
+    """Put the value of a point behind those of the points before, of which some have none; the first counts."""
+    missing = point - len(column)
+    if missing >= 0:
+        column.extend(repeat(absent, missing))
+        column.append(value)

@@ -23,7 +23,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats.base import Data, LogFormat, Notes, build_log, ground_velocity, usable_positions
+from fusion.formats.base import Data, LogFormat, Notes, build_log, ground_velocity, positive, usable_positions
 from fusion.formats.fit.messages import HEAD_BYTES, MAGIC, FitFile, read_files
 from fusion.frames import GRAVITY_MPS2
 from fusion.types import (
@@ -94,23 +94,16 @@ class FitFormat(LogFormat):
         for file in files:
             for name, count in file.uncalibrated.items():
                 notes.skip(f"{name} samples that are not calibrated", count)
-        return build_log(
-            self,
-            notes,
-            tables,
-            outages_s=gaps,
-            geoid=GEOID,
-            advice=EXPORT,
-            device=DeviceMotion(
-                force=_axes(parts, "accelerometer_data", "calibrated_accel", GRAVITY_MPS2),
-                rate=_axes(parts, "gyroscope_data", "calibrated_gyro", np.pi / 180),
-            ),
+        device = DeviceMotion(
+            force=_axes(parts, "accelerometer_data", "calibrated_accel", GRAVITY_MPS2),
+            rate=_axes(parts, "gyroscope_data", "calibrated_gyro", np.pi / 180),
         )
+        return build_log(self, notes, tables, outages_s=gaps, geoid=GEOID, advice=EXPORT, device=device)
 
 
 def _refuse_unrecorded(files: list[FitFile], notes: Notes) -> None:
     """Raise ``EmptyLogError`` for what nobody drove, ``MalformedLogError`` where damage left nothing of it."""
-    kinds = [UNRECORDED.get(file.first_word("file_id", "type"), "") for file in files]
+    kinds = [UNRECORDED.get(file.kind, "") for file in files]
     records = [len(file.columns["record"]["timestamp"]) for file in files]
     if all(kinds) and kinds:
         raise EmptyLogError(f"This FIT file holds {kinds[0]}, no recording. {EXPORT}")
@@ -205,22 +198,19 @@ def _tables(parts: list[_Part], notes: Notes) -> tuple[dict[str, SensorTable], F
     time_s = np.concatenate([time for _, time in sources])
 
     def column(name: str) -> Floats:
-        return np.concatenate(
-            [c[name] if name in c else np.full(len(c["timestamp"]), np.nan) for c in columns]
-        )
+        return np.concatenate([c.get(name, np.full(len(c["timestamp"]), np.nan)) for c in columns])
 
     lat, lon = column("position_lat") * SEMICIRCLE_DEG, column("position_long") * SEMICIRCLE_DEG
     placed = np.isfinite(lat) | np.isfinite(lon)
     notes.skip("records without a position", int((~placed).sum()))
     good = placed & usable_positions(time_s, lat, lon, notes, lambda i: f"record {i + 1}", need=placed)
-    accuracy = column("gps_accuracy")
     fix = GnssFix.assemble(
         time_s[good],
         notes.repaired,
         lat_deg=lat[good],
         lon_deg=lon[good],
         alt_msl_m=column("enhanced_altitude")[good],
-        h_acc_m=np.where(accuracy > 0, accuracy, np.nan)[good],
+        h_acc_m=positive(column("gps_accuracy"))[good],
     )
     record_s, record = np.concatenate([p.record_s for p in parts]), _joined(p.record for p in parts)
     return {

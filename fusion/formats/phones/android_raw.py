@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Notes
-from fusion.formats.phones.log_lines import ABSENT, WHOLE, Table
+from fusion.formats.base import Notes, is_possible_time, positive
+from fusion.formats.csv_cells import ABSENT
+from fusion.formats.phones.log_lines import WHOLE, Table
 from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,
@@ -79,12 +80,11 @@ def measured(table: Table, notes: Notes) -> Signals:
     flight_ns = (received_ns - sent_ns + period_ns // 2) % period_ns - period_ns // 2
     pseudorange_m = (flight_ns + part_ns) * 1e-9 * LIGHT_MPS
     gps_s = np.floor_divide(received_ns, _NANO) + (received_ns % _NANO + part_ns) * 1e-9
-    time_s = unix_from_gps(gps_s)
     sane = (pseudorange_m > _SHORTEST_M) & (pseudorange_m < _LONGEST_M)
-    sane &= (time_s > MIN_TIME_S) & (time_s < MAX_TIME_S)
+    sane &= is_possible_time(unix_from_gps(gps_s))
     notes.skip("raw measurements whose pseudorange or time cannot be", int((~sane).sum()))
     # phones that do not state the carrier have one band only
-    stated = _positive(col["CarrierFrequencyHz"])
+    stated = positive(col["CarrierFrequencyHz"])
     carrier = np.where(np.isfinite(stated), stated, np.where(system == GLONASS, np.nan, CARRIER_HZ[system]))
     # of two signals of one satellite the first is taken: B1I before B1C
     order = np.argsort((system == BEIDOU) & (carrier > _B1I_BELOW_HZ), kind="stable")
@@ -92,7 +92,7 @@ def measured(table: Table, notes: Notes) -> Signals:
     return Signals.assemble(
         gps_s[order], system[order], number[order], pseudorange_m=pseudorange_m[order],
         range_rate_mps=col["PseudorangeRateMetersPerSecond"][order], cn0_dbhz=col["Cn0DbHz"][order],
-        sigma_m=_positive(col["ReceivedSvTimeUncertaintyNanos"])[order] * 1e-9 * LIGHT_MPS, frequency_hz=carrier[order],
+        sigma_m=positive(col["ReceivedSvTimeUncertaintyNanos"])[order] * 1e-9 * LIGHT_MPS, frequency_hz=carrier[order],
     )  # fmt: skip
 
 
@@ -102,10 +102,6 @@ def _column(table: Table, name: str) -> NDArray[Any]:
         return table.columns.get(name, np.full(len(table), ABSENT))
     column = table.columns.get(name, np.full(len(table), np.nan))
     return np.where(np.isfinite(column), column, np.nan)
-
-
-def _positive(column: Floats) -> Floats:
-    return np.where(column > 0, column, np.nan)
 
 
 def _satellites(col: _Columns) -> tuple[Ints, Ints]:
@@ -120,14 +116,10 @@ def _satellites(col: _Columns) -> tuple[Ints, Ints]:
 
 def _usable(col: _Columns, system: Ints, number: Ints, table: Table, notes: Notes) -> Bools:
     state = col["State"]
-    complete = np.ones(len(table), bool)
-    for name in _NEEDED:
-        value = col[name]
-        complete &= (value > -_HUGE) & (value < _HUGE)
+    complete = np.all([(col[name] > -_HUGE) & (col[name] < _HUGE) for name in _NEEDED], axis=0)
     time_decoded = np.where(system == GLONASS, _GLO_TOD_DECODED | _GLO_TOD_KNOWN, _TOW_DECODED | _TOW_KNOWN)
-    carrier = _positive(col["CarrierFrequencyHz"])
-    with np.errstate(invalid="ignore"):
-        elsewhere = (carrier < _L1_HZ[0]) | (carrier > _L1_HZ[1])
+    carrier = positive(col["CarrierFrequencyHz"])
+    elsewhere = (carrier < _L1_HZ[0]) | (carrier > _L1_HZ[1])
     faults = (
         ("raw measurements with numbers missing", ~complete),
         ("raw measurements on other bands than L1", elsewhere),
@@ -139,9 +131,8 @@ def _usable(col: _Columns, system: Ints, number: Ints, table: Table, notes: Note
     )  # fmt: skip
     good = notes.sift(faults)
     if len(table) and not good.any():
-        notes.first_offender = (
-            notes.first_offender or f"{table.place(0)}: no Raw line has a usable measurement"
-        )
+        nothing = f"{table.place(0)}: no Raw line has a usable measurement"
+        notes.first_offender = notes.first_offender or nothing
     return good
 
 

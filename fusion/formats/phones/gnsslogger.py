@@ -13,27 +13,18 @@ import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.base import (
-    MAX_TIME_S,
-    MIN_TIME_S,
     Data,
     EitherWay,
     Notes,
     build_log,
     fix_and_velocity,
+    is_possible_time,
     usable_positions,
 )
 from fusion.formats.phones.android_raw import MEASURED, measured
 from fusion.formats.phones.log_lines import LogLines, Table
-from fusion.signals import RawGnss
-from fusion.types import (
-    DeviceMotion,
-    DriveLog,
-    Floats,
-    Pressure,
-    Progress,
-    SensorTable,
-    ThreeAxes,
-)
+from fusion.signals import RawGnss, Signals
+from fusion.types import DeviceMotion, DriveLog, Floats, Pressure, Progress, SensorTable, ThreeAxes
 
 _FIX: dict[str, tuple[str, ...]] = {
     "lat_deg": ("LatitudeDegrees", "Latitude"),
@@ -92,17 +83,13 @@ class GnssLoggerFormat(EitherWay):
         notes = Notes()
         lines = LogLines(bytes(data))
         progress("read lines", 0.1)
-        tables = _fixes(lines, notes)
-        pressure = _pressure(lines, notes)
-        if len(pressure):
-            tables["pressure"] = pressure
+        tables = _fixes(lines, notes) | {"pressure": _pressure(lines, notes)}
         device = DeviceMotion(**{name: _axes(lines, kinds, notes) for name, kinds in _SENSORS.items()})
         progress("read lines", 0.3)
         table = lines.table("Raw", MEASURED, notes)
-        raw = RawGnss(measured(table, notes)) if table is not None and len(table) else None
+        signals = measured(table, notes) if len(table) else Signals.empty()
+        raw = RawGnss(signals) if len(signals) else None
         progress("read lines", 1.0)
-        if raw is not None and not len(raw.signals):
-            raw = None
         if raw is None and not len(tables.get("fix", ())) and notes.first_offender:
             raise EmptyLogError(
                 f"This {self.description} holds no usable position and no usable pseudorange. The first fault: "
@@ -120,7 +107,7 @@ def _fixes(lines: LogLines, notes: Notes) -> dict[str, SensorTable]:
     names = tuple(name for variants in _FIX.values() for name in variants)
     for provider in _PROVIDERS:
         table = lines.table("Fix", names, notes, provider)
-        if table is not None and len(table):
+        if len(table):
             if provider != _PROVIDERS[0]:
                 notes.warn(
                     "The log has no positions of the satellite receiver itself (Fix,GPS): those that the phone mixes "
@@ -147,7 +134,7 @@ def _axes(lines: LogLines, kinds: tuple[tuple[str, str], ...], notes: Notes) -> 
     for kind, column in kinds:
         names = tuple(column.format(axis) for axis in "XYZ")
         table = lines.table(kind, (*_CLOCK, *names), notes)
-        if table is not None and len(table) and all(name in table.columns for name in names):
+        if len(table) and all(name in table.columns for name in names):
             x, y, z = (np.where(np.isfinite(table.columns[n]), table.columns[n], np.nan) for n in names)
             return ThreeAxes.assemble(_sensor_times(table, notes), None, x=x, y=y, z=z)
     return ThreeAxes.empty()
@@ -156,7 +143,7 @@ def _axes(lines: LogLines, kinds: tuple[tuple[str, str], ...], notes: Notes) -> 
 def _pressure(lines: LogLines, notes: Notes) -> Pressure:
     for kind in _PRESSURES:
         table = lines.table(kind, (*_CLOCK, *_PRESSURE_COLUMNS), notes)
-        if table is not None and len(table):
+        if len(table):
             value = _first_present(table, _PRESSURE_COLUMNS)
             return Pressure.assemble(_sensor_times(table, notes), None, pressure_pa=value * 100)
     return Pressure.empty()
@@ -168,15 +155,13 @@ def _sensor_times(table: Table, notes: Notes) -> Floats:
         table.columns[name] * unit if name in table.columns else np.full(len(table), np.nan)
         for name, unit in zip(_CLOCK, (1e-3, 1e-9), strict=True)
     )
-    with np.errstate(invalid="ignore"):
-        utc_s = np.where((utc_s > MIN_TIME_S) & (utc_s < MAX_TIME_S), utc_s, np.nan)
-        late = utc_s - even_s
+    utc_s = np.where(is_possible_time(utc_s), utc_s, np.nan)
+    late = utc_s - even_s
     has_both = np.isfinite(late)
-    if has_both.mean() < 0.5:
-        time_s = utc_s
-    else:
-        time_s = even_s + float(np.median(late[has_both]))
-        with np.errstate(invalid="ignore"):
-            time_s = np.where(np.abs(time_s - utc_s) < _MOST_APART_S, time_s, utc_s)
+    time_s = utc_s
+    if has_both.mean() >= 0.5:
+        even_s = even_s + float(np.median(late[has_both]))
+        time_s = np.where(np.abs(even_s - utc_s) < _MOST_APART_S, even_s, utc_s)
+
     notes.skip("sensor lines without a time", int((~np.isfinite(time_s)).sum()))
     return time_s

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.arrays import ColumnTable
-from fusion.types import AngularRate, Bools, DeviceMotion, DriveLog, Floats, Ints, SpecificForce, ThreeAxes
+from fusion.types import AngularRate, DeviceMotion, DriveLog, Floats, Ints, SpecificForce, ThreeAxes
 
 Complexes = NDArray[np.complex128]
 STANDARD_GRAVITY = 9.80665
@@ -203,14 +203,17 @@ def _mean_over(time_s: Floats, integral: Floats, begin_s: Floats, end_s: Floats)
     return np.asarray((ends[1] - ends[0]) / (end_s - begin_s)[:, None])
 
 
-def _covered(time_s: Floats, begin_s: Floats, end_s: Floats) -> Bools:
-    """Whether samples go through from before ``begin_s`` to after ``end_s``, without a hole of more than a second."""
-    spare = float(np.max(np.abs(_LAGS_S)))
+def _covered(changes: _Changes, sensor: ThreeAxes) -> _Changes:
+    """Those through which a sensor has samples, from before to after, without a hole of more than a second."""
+    if len(sensor) < 4:
+        return changes.take(slice(0))
+    time_s, spare = sensor.time_s, float(np.max(np.abs(_LAGS_S)))
+    begin_s, end_s = changes.begin_s - spare, changes.end_s + spare
     holes = np.concatenate([[0], np.cumsum(np.diff(time_s) > 1.0)])
-    first = np.clip(np.searchsorted(time_s, begin_s - spare) - 1, 0, None)
-    last = np.clip(np.searchsorted(time_s, end_s + spare), None, len(time_s) - 1)
-    inside = (begin_s - spare >= time_s[0]) & (end_s + spare <= time_s[-1])
-    return np.asarray(inside & (holes[first] == holes[last]))
+    first = np.clip(np.searchsorted(time_s, begin_s) - 1, 0, None)
+    last = np.clip(np.searchsorted(time_s, end_s), None, len(time_s) - 1)
+    inside = (begin_s >= time_s[0]) & (end_s <= time_s[-1])
+    return changes.take(inside & (holes[first] == holes[last]))
 
 
 NOT_CLEAR = _Forward(0.0, np.inf, 0.0, clear=False)
@@ -218,10 +221,8 @@ NOT_CLEAR = _Forward(0.0, np.inf, 0.0, clear=False)
 
 def _forward(force: ThreeAxes, sign: int, axes: Floats, changes: _Changes) -> _Forward:
     """Which level direction is forward, if forces are stated with ``sign``: a complex regression on the changes."""
-    changes = (
-        changes.take(_covered(force.time_s, changes.begin_s, changes.end_s)) if len(force) > 3 else changes
-    )
-    if len(changes.begin_s) < 3 * _LEAST_BLOCKS or len(force) <= 3:
+    changes = _covered(changes, force)
+    if len(changes) < 3 * _LEAST_BLOCKS:
         return NOT_CLEAR
     integral = _integrals(force.time_s, sign * _stacked(force) @ axes[:2].T)
     block = _blocks(changes.begin_s, _BLOCK_S)
@@ -240,11 +241,7 @@ def _centred(value: Complexes, block: Ints) -> Complexes:
     return value - mean[block]
 
 
-def _regression(
-    cause: Complexes,
-    effect: Complexes,
-    block: Ints,
-) -> _Forward:
+def _regression(cause: Complexes, effect: Complexes, block: Ints) -> _Forward:
     """``effect = factor * cause``, with a sigma of the factor's angle by leaving out each block in turn."""
     both = np.conj(cause) * effect
     product = np.bincount(block, both.real) + 1j * np.bincount(block, both.imag)
@@ -276,10 +273,8 @@ def _sign(
 
 def _turns_alike(rate: ThreeAxes, up: Floats, changes: _Changes) -> float:
     """Correlation of the rate about ``up`` with the turning by GNSS; 0 where there is too little of either."""
-    if len(rate) < 4:
-        return 0.0
-    changes = changes.take(_covered(rate.time_s, changes.begin_s, changes.end_s))
-    if len(changes.begin_s) < 3 * _LEAST_BLOCKS:
+    changes = _covered(changes, rate)
+    if len(changes) < 3 * _LEAST_BLOCKS:
         return 0.0
     integral = _integrals(rate.time_s, (np.nan_to_num(_stacked(rate)) @ up)[:, None])
     turned = _mean_over(rate.time_s, integral, changes.begin_s, changes.end_s)[:, 0]

@@ -9,6 +9,7 @@ Source: the app's reference of units and of differences between platforms.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Self
@@ -18,27 +19,18 @@ import numpy as np
 from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats import csv_header
 from fusion.formats.base import (
-    MAX_TIME_S,
-    MIN_TIME_S,
     Data,
     EitherWay,
     Notes,
     build_log,
     fix_and_velocity,
+    is_possible_time,
     usable_positions,
 )
 from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_names import Known, known_columns
+from fusion.formats.csv_names import Known, Schema, known_columns
 from fusion.formats.time_texts import of_epoch
-from fusion.types import (
-    DeviceMotion,
-    DriveLog,
-    Floats,
-    Pressure,
-    Progress,
-    SensorTable,
-    ThreeAxes,
-)
+from fusion.types import DeviceMotion, DriveLog, Floats, Pressure, Progress, SensorTable, ThreeAxes
 
 _LOCATION = {
     "latitude": "lat_deg", "longitude": "lon_deg", "altitude": "height_ell_m",
@@ -48,15 +40,16 @@ _LOCATION = {
 _COLUMNS = ("time", *_LOCATION, "pressure", "x", "y", "z")
 _MOTION = {"accelerometer": "moved", "gravity": "gravity", "totalacceleration": "force", "gyroscope": "rate"}
 """File -> what it is in ``DeviceMotion``."""
+_MARKS = ({"time", "seconds_elapsed"}, {"device name", "recording time", "platform"})
+"""Columns by which the app's files are known, in small letters."""
 _UNUSED = ("watch", "headphone", "locationnetwork")
 _LARGEST_KPA = 200.0
 """Air never has so few hPa where there are roads: a smaller number is of kPa."""
 
 
-def is_sensor_logger(line: bytes) -> bool:
+def is_sensor_logger(names: Collection[str]) -> bool:
     """Whether a header is that of one of the app's files."""
-    cells = set(csv_header.header_cells(line[:4096], csv_header.delimiter_of(line[:4096])))
-    return {"time", "seconds_elapsed"} <= cells or {"device name", "recording time", "platform"} <= cells
+    return any(own <= set(names) for own in _MARKS)
 
 
 @dataclass(frozen=True)
@@ -77,7 +70,7 @@ class SensorLoggerFormat(EitherWay):
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
-        return is_sensor_logger(csv_header.first_line(csv_header.text_head(head))[2])
+        return is_sensor_logger(csv_header.header_of(head).names)
 
     def with_name(self, name: str) -> Self:
         """See ``LogFormat``."""
@@ -87,7 +80,7 @@ class SensorLoggerFormat(EitherWay):
         """See ``EitherWay``."""
         notes = Notes()
         text = csv_header.from_utf16(bytes(data))
-        cells = csv_header.header_cells(csv_header.first_line(text)[2], ",")
+        cells = csv_header.header_of(text).names
         positions = "latitude" in cells and "longitude" in cells
         if not part and not positions:
             raise EmptyLogError(
@@ -116,31 +109,24 @@ class SensorLoggerFormat(EitherWay):
 
 
 def _columns(text: bytes, notes: Notes, progress: Progress) -> tuple[dict[str, Floats], list[Block]]:
-    schema = csv_header.Schema(_COLUMNS, lambda columns: [], clocks=frozenset(), understood=_understood)
-    blocks = []
-    for block, share in read_blocks(text, csv_header.layout_of(text, notes, schema), notes):
-        blocks.append(block)
-        progress("read rows", share)
+    schema = Schema(_COLUMNS, lambda columns: [], clocks=frozenset(), understood=_understood)
+    blocks = list(read_blocks(text, csv_header.layout_of(text, notes, schema), notes, progress))
     progress("read rows", 1.0)
-    none = np.empty(0)
-    names = blocks[0].columns if blocks else ()
-    col = {name: np.concatenate([block.columns[name] for block in blocks]) for name in names}
-    rows = len(col.get("time", none))
-    return {name: col.get(name, np.full(rows, np.nan)) for name in _COLUMNS}, blocks
+    columns = {name: [np.empty(0), *(block.column(name) for block in blocks)] for name in _COLUMNS}
+    return {name: np.concatenate(parts) for name, parts in columns.items()}, blocks
 
 
-def _understood(header: list[str], schema: csv_header.Schema) -> Known:
+def _understood(header: list[str], schema: Schema) -> Known:
     """The columns by their names; what else the app writes is no reason for a word."""
-    columns = known_columns(header, schema.columns, {}, loose=False)
+    columns = known_columns(header, schema)
     return Known(columns.cells, (), ())
 
 
 def _place(blocks: list[Block], row: int) -> str:
     for block in blocks:
-        rows = len(next(iter(block.columns.values())))
-        if row < rows:
+        if row < len(block):
             return block.place(row)
-        row -= rows
+        row -= len(block)
     return f"row {row + 1}"
 
 
@@ -157,8 +143,7 @@ def _positions(
 
 def _sane(time_s: Floats, notes: Notes) -> Floats:
     """Times of a sensor, NaN where there can be none."""
-    with np.errstate(invalid="ignore"):
-        sane = (time_s > MIN_TIME_S) & (time_s < MAX_TIME_S)
+    sane = is_possible_time(time_s)
     notes.skip("samples at an impossible time", int((~sane).sum()))
     return np.where(sane, time_s, np.nan)
 

@@ -18,12 +18,7 @@ ENABLE = (
 
 
 def read_stream(
-    data: Data,
-    progress: Progress,
-    kind: LogFormat,
-    *,
-    notes: Notes | None = None,
-    place: Place | None = None,
+    data: Data, progress: Progress, kind: LogFormat, *, notes: Notes | None = None, place: Place | None = None
 ) -> DriveLog:
     """Read both kinds of message; where both fill a table, UBX wins.
 

@@ -30,8 +30,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fusion.formats.base import GPS_EPOCH_S, MAX_TIME_S, MIN_TIME_S, WEEK_S, Notes
+from fusion.arrays import ColumnTable
+from fusion.formats.base import Notes, is_possible_time
 from fusion.formats.receiver.ubx_messages import Records
+from fusion.signals import GPS_EPOCH_S, WEEK_S
 from fusion.types import Bools, Floats, Ints
 
 MEAS_HZ = 1000.0
@@ -47,11 +49,17 @@ LOST = "sensor samples whose time tag no navigation epoch explains"
 
 
 @dataclass(frozen=True)
-class Marks:
+class Marks(ColumnTable):
     """Which time was where in the stream: ``offset`` (n,) bytes, ascending; ``time_s`` (n,) Unix seconds."""
 
     offset: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     time_s: Floats = field(default_factory=lambda: np.empty(0))
+
+    def of_epochs(self) -> Marks:
+        """The first mark of each epoch, in the order of the stream; marks without a time are none."""
+        timed = self.take(np.isfinite(self.time_s))
+        timed = timed.take(np.argsort(timed.offset, kind="stable"))
+        return timed.take(np.diff(timed.time_s, prepend=-np.inf) != 0)
 
 
 @dataclass(frozen=True)
@@ -161,16 +169,16 @@ RESOLVED = 7
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Evidence(ColumnTable):
     """Messages that tell UTC beside iTOW, in any order; all (n,).
 
     ``trust`` is 3 (date, time and leap seconds resolved), 2 (date and time valid), 1 (not declared valid).
     """
 
-    offset: Ints
-    itow_s: Floats
-    utc_s: Floats
-    trust: Ints
+    offset: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    itow_s: Floats = field(default_factory=lambda: np.empty(0))
+    utc_s: Floats = field(default_factory=lambda: np.empty(0))
+    trust: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
 
 def utc_seconds(records: Records) -> Floats:
@@ -210,13 +218,13 @@ class WeekClock:
 
     def __init__(self, evidence: Evidence, notes: Notes) -> None:
         """Uses the most trusted evidence there is, and says so when that is little."""
-        plausible = (evidence.utc_s > MIN_TIME_S) & (evidence.utc_s < MAX_TIME_S)
+        plausible = is_possible_time(evidence.utc_s)
         self.dated = bool(plausible.any())
         best = int(evidence.trust[plausible].max()) if self.dated else 0
-        use = np.flatnonzero(plausible & (evidence.trust == best))
-        use = use[np.argsort(evidence.offset[use], kind="stable")]
-        self._offset, self._utc_s = evidence.offset[use], evidence.utc_s[use]
-        difference = self._utc_s - evidence.itow_s[use]
+        used = evidence.take(plausible & (evidence.trust == best))
+        used = used.take(np.argsort(used.offset, kind="stable"))
+        self._offset, self._utc_s = used.offset, used.utc_s
+        difference = used.utc_s - used.itow_s
         whole_ms = np.round(difference)
         self._difference = np.where(np.abs(difference - whole_ms) < 0.05, whole_ms, difference)
         if best == 1:

@@ -66,14 +66,12 @@ def find_frames(data: Data, progress: Progress = no_progress) -> Frames:
     """
     buf = np.frombuffer(data, np.uint8)
     pieces: list[tuple[Ints, Ints, NDArray[np.int8]]] = []
-    for at in range(0, len(buf), CHUNK_BYTES):
+    size = max(len(buf), 1)
+    for at in range(0, size, CHUNK_BYTES):
         piece = buf[at : at + CHUNK_BYTES + MAX_FRAME_BYTES]
         start, length, state = _try_candidates(piece, CHUNK_BYTES)
         pieces.append((start + at, length, state))
-        progress("find messages", min(1.0, (at + CHUNK_BYTES) / len(buf)))
-    if not pieces:
-        none = np.empty(0, np.int64)
-        return Frames(none, none, none, none, none)
+        progress("find messages", min(1.0, (at + CHUNK_BYTES) / size))
     start, length, state = (np.concatenate(c) for c in zip(*pieces, strict=True))
     return _without_overlap(buf, start, length, state)
 
@@ -107,16 +105,12 @@ def _without_overlap(buf: NDArray[np.uint8], start: Ints, length: Ints, state: N
         keep = _first_come(s, e)
         s, n, e = s[keep], n[keep], e[keep]
     bad_start, bad_state = start[~good], state[~good]
-    owner = np.searchsorted(s, bad_start, side="right") - 1
+    ends = np.append(0, e)  # 0: where no intact message comes before
     # sync bytes within an intact message are its payload, no message of their own
-    free = (owner < 0) | (bad_start >= e[owner]) if len(e) else np.ones(len(bad_start), bool)
-    cut = free & (bad_state == -1)
-    if len(e):
-        # a corrupt length points past the end anywhere in a file; only after the last intact one is it a cut
-        last = bad_start >= e[-1]
-        corrupt, truncated = bad_start[free & ~(cut & last)], bad_start[cut & last]
-    else:
-        corrupt, truncated = bad_start[free & (bad_state == 0)], bad_start[cut]
+    free = bad_start >= ends[np.searchsorted(s, bad_start, side="right")]
+    # a corrupt length points past the end anywhere in a file; only after the last intact one is it a cut
+    cut = free & (bad_state == -1) & (bad_start >= ends[-1])
+    corrupt, truncated = bad_start[free & ~cut], bad_start[cut]
     kind = buf[s + 2].astype(np.int64) << 8 | buf[s + 3].astype(np.int64)
     return Frames(s, n, kind, corrupt, truncated)
 

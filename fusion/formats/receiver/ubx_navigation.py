@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from fusion.formats.base import Data, Notes, Place, ground_velocity, usable_positions
-from fusion.formats.receiver import ubx_older
-from fusion.formats.receiver.time_tags import (
-    Evidence,
-    Marks,
-    WeekClock,
-    gps_utc_seconds,
-    own_time,
-    trust_of,
-    utc_seconds,
-)
+from fusion.formats.receiver import time_tags, ubx_older
+from fusion.formats.receiver.time_tags import Evidence, Marks, WeekClock
 from fusion.formats.receiver.ubx_frames import Frames
 from fusion.formats.receiver.ubx_messages import DEG, TYPES, Records, decode, kind_name
 from fusion.formats.receiver.ubx_raw import LEAP_KNOWN, RAWX, epoch_marks, utc_of
@@ -88,7 +81,7 @@ def ubx_tables(
             tables |= _positions(stream, name, clock, notes, place)
     tables["attitude"] = _attitude(stream, clock, notes)
     marks = _marks(stream, clock)
-    if not len(marks.time_s):
+    if not len(marks):
         marks = fallback
     force, rate, odometry = sensor_tables(stream.data, stream.frames, marks, notes)
     tables |= {"force": force, "rate": rate, "odometry": odometry}
@@ -97,35 +90,33 @@ def ubx_tables(
     return {name: table for name, table in tables.items() if len(table)}
 
 
+_UTC: dict[str, tuple[Callable[[Records], Floats], Callable[[Records], Ints]]] = {
+    "NAV-PVT": (time_tags.utc_seconds, time_tags.trust_of),
+    "HNR-PVT": (time_tags.utc_seconds, time_tags.trust_of),
+    "NAV-TIMEUTC": (time_tags.utc_seconds, time_tags.trust_of),
+    "NAV-TIMEGPS": (time_tags.gps_utc_seconds, lambda records: np.where(records["valid"] & 7 == 7, 3, 0)),
+    "NAV-SOL": (ubx_older.week_utc_seconds, lambda records: np.full(len(records), 2)),
+    RAWX: (utc_of, lambda records: np.where(records["recStat"] & LEAP_KNOWN == 1, 3, 2)),
+}
+"""What messages say of UTC, Unix seconds, and the trust in it (see ``Evidence``)."""
+
+
 def utc_evidence(stream: Stream) -> Evidence:
     """What the messages say of UTC beside the time of week."""
-    parts: list[tuple[Ints, Floats, Floats, Ints]] = []
-    for name in ("NAV-PVT", "HNR-PVT", "NAV-TIMEUTC", "NAV-TIMEGPS", "NAV-SOL", RAWX):
-        if name not in stream.messages:
-            continue
-        records, offset = stream.messages[name]
-        if name == RAWX:
-            utc, trust = utc_of(records), np.where(records["recStat"] & LEAP_KNOWN == 1, 3, 2)
-        elif name == "NAV-TIMEGPS":
-            utc, trust = gps_utc_seconds(records), np.where(records["valid"] & 7 == 7, 3, 0)
-        elif name == "NAV-SOL":
-            utc, trust = ubx_older.week_utc_seconds(records), np.full(len(records), 2)
-        else:
-            utc, trust = utc_seconds(records), trust_of(records)
-        itow_s = records["rcvTow"] if name == RAWX else records["iTOW"] * 1e-3
-        parts.append((offset, itow_s, utc, trust.astype(np.int64)))
-    if not parts:
-        return Evidence(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64))
-    offset, itow_s, utc_s, trust = (np.concatenate(c) for c in zip(*parts, strict=True))
-    trusted = np.isfinite(utc_s) & (trust > 0)
-    return Evidence(offset[trusted], itow_s[trusted], utc_s[trusted], trust[trusted])
+    parts = []
+    for name, (utc_of_records, trust) in _UTC.items():
+        if name in stream.messages:
+            records, offset = stream.messages[name]
+            itow_s = records["rcvTow"] if name == RAWX else records["iTOW"] * 1e-3
+            parts.append(Evidence(offset, itow_s, utc_of_records(records), trust(records)))
+    evidence = Evidence().joined(*parts)
+    return evidence.take(np.isfinite(evidence.utc_s) & (evidence.trust > 0))
 
 
 def _evidence_from_nmea(stream: Stream, marks: Marks) -> Evidence:
     """UTC beside iTOW from dated NMEA: the difference most often seen to the NAV-PVT that follows."""
-    none = Evidence(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0, np.int64))
-    if "NAV-PVT" not in stream.messages or not len(marks.time_s):
-        return none
+    if "NAV-PVT" not in stream.messages or not len(marks):
+        return Evidence()
     records, offset = stream.messages["NAV-PVT"]
     itow_s = records["iTOW"] * 1e-3
     at = np.clip(np.searchsorted(offset, marks.offset), 0, len(offset) - 1)
@@ -177,7 +168,8 @@ def _positions(
     if not len(records):
         return {}
     time_s = clock.time_s(records["iTOW"] * 1e-3, offset)
-    time_s = own_time(time_s, utc_seconds(records), trust_of(records) > 1)
+    declared = time_tags.trust_of(records) > 1
+    time_s = time_tags.own_time(time_s, time_tags.utc_seconds(records), declared)
     lat, lon = records["lat"] * 1e-7, records["lon"] * 1e-7
     good = usable_positions(time_s, lat, lon, notes, lambda i: place(int(offset[i])))
     records, time_s, lat, lon = records[good], time_s[good], lat[good], lon[good]
@@ -213,27 +205,20 @@ def _accuracy(raw: Ints) -> Floats:
 
 def _attitude(stream: Stream, clock: WeekClock, notes: Notes) -> Attitude:
     """NAV-ATT or HNR-ATT, whichever has more samples; an angle with accuracy 0 is not available."""
-    best = Attitude.empty()
+    tables = [Attitude.empty()]
     for name in ("NAV-ATT", "HNR-ATT"):
         if name not in stream.messages:
             continue
         records, offset = stream.messages[name]
         columns = {}
-        for angle, field, accuracy in (
-            ("roll", "roll", "accRoll"),
-            ("pitch", "pitch", "accPitch"),
-            ("yaw", "heading", "accHeading"),
-        ):
-            sigma = _accuracy(records[accuracy]) * 1e-5 * DEG
+        for angle, field in (("roll", "roll"), ("pitch", "pitch"), ("yaw", "heading")):
+            sigma = _accuracy(records[f"acc{field.capitalize()}"]) * 1e-5 * DEG
             columns[f"{angle}_acc_rad"] = sigma
             columns[f"{angle}_rad"] = np.where(np.isnan(sigma), np.nan, records[field] * 1e-5 * DEG)
-        unknown = np.isnan(columns["pitch_rad"])
-        if unknown.any():
-            notes.skipped[f"{name}: pitch not available"] += int(unknown.sum())
-        table = Attitude.assemble(clock.time_s(records["iTOW"] * 1e-3, offset), notes.repaired, **columns)
-        if len(table) > len(best):
-            best = table
-    return best
+        notes.skip(f"{name}: pitch not available", int(np.isnan(columns["pitch_rad"]).sum()))
+        time_s = clock.time_s(records["iTOW"] * 1e-3, offset)
+        tables.append(Attitude.assemble(time_s, notes.repaired, **columns))
+    return max(tables, key=len)
 
 
 def _add_dynamics(tables: dict[str, SensorTable], stream: Stream, clock: WeekClock, notes: Notes) -> None:

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.formats.base import MAX_TIME_S, WEEK_S
+from fusion.formats.base import MAX_TIME_S
 from fusion.formats.receiver.ubx_messages import TYPES, Records
-from fusion.signals import GPS_EPOCH_S, unix_from_gps
+from fusion.signals import GPS_EPOCH_S, WEEK_S, unix_from_gps
 from fusion.types import Floats, Ints
 
 POSITION, VELOCITY, SOLUTION, STATUS = "NAV-POSLLH", "NAV-VELNED", "NAV-SOL", "NAV-STATUS"
@@ -49,10 +49,8 @@ def epochs(messages: Messages) -> tuple[Records, Ints] | None:
         if name in messages:
             here, there = _same_epoch(place["iTOW"], offset, *messages[name])
             records = messages[name][0]
-            out["fixType"][here], out["flags"][here] = (
-                records["gpsFix"][there],
-                records["flags"][there] & FIX_OK,
-            )
+            out["fixType"][here] = records["gpsFix"][there]
+            out["flags"][here] = records["flags"][there] & FIX_OK
     if VELOCITY in messages:
         here, there = _same_epoch(place["iTOW"], offset, *messages[VELOCITY])
         records = messages[VELOCITY][0]

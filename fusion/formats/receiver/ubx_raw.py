@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.formats.base import GPS_EPOCH_S, MAX_TIME_S, MIN_TIME_S, Data, Notes, Place
+from fusion.formats.base import MAX_TIME_S, Data, Notes, Place, is_possible_time
 from fusion.formats.receiver.time_tags import Marks
 from fusion.formats.receiver.ubx_frames import Frames
 from fusion.formats.receiver.ubx_messages import TYPES, Records, gather
@@ -19,6 +19,7 @@ from fusion.signals import (
     GLONASS,
     GLONASS_STEP_HZ,
     GPS,
+    GPS_EPOCH_S,
     LIGHT_MPS,
     QZSS,
     WEEK_S,
@@ -67,15 +68,14 @@ def utc_of(records: Records) -> Floats:
 
 def _gps_s(records: Records) -> Floats:
     tow_s, week = records["rcvTow"].astype(float), records["week"].astype(float)
-    with np.errstate(invalid="ignore"):
-        gps_s = np.where((week > 0) & (tow_s >= 0) & (tow_s < WEEK_S), week * WEEK_S + tow_s, np.nan)
-        return np.where(gps_s + GPS_EPOCH_S < MAX_TIME_S, gps_s, np.nan)
+    gps_s = np.where((week > 0) & (tow_s >= 0) & (tow_s < WEEK_S), week * WEEK_S + tow_s, np.nan)
+    return np.where(gps_s + GPS_EPOCH_S < MAX_TIME_S, gps_s, np.nan)
 
 
 def epoch_marks(records: Records, offset: Ints) -> Marks:
     """Where in the file which time (UTC) was, by the epochs that have one."""
     utc_s = utc_of(records)
-    possible = (utc_s > MIN_TIME_S) & (utc_s < MAX_TIME_S)
+    possible = is_possible_time(utc_s)
     return Marks(offset[possible], utc_s[possible])
 
 
@@ -127,8 +127,7 @@ def _sound(rows: Records, system: Ints, notes: Notes) -> Bools:
     number, range_m = rows["svId"].astype(np.int64), rows["prMes"]
     numbered = (number > 0) & (number <= LAST_NUMBER[system])
     numbered &= (system != GLONASS) | (rows["freqId"] <= 13)
-    with np.errstate(invalid="ignore"):
-        possible = (range_m > 0) & (range_m < _MOST_M)
+    possible = (range_m > 0) & (range_m < _MOST_M)
     valid = rows["trkStat"] & PSEUDORANGE_VALID == 1
     return notes.sift(((NO_SATELLITE, ~numbered), (NOT_VALID, ~valid), (NO_RANGE, ~possible)))
 

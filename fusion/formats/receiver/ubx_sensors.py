@@ -7,8 +7,9 @@ sensors were at fault: their readings are left out up to that message. Knows no 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from fusion.formats.base import Data, Notes
 from fusion.formats.receiver import ubx_messages
 from fusion.formats.receiver.time_tags import MEAS_HZ, RAW_HZ, Marks, align
 from fusion.formats.receiver.ubx_frames import Frames
-from fusion.formats.receiver.ubx_messages import gather
+from fusion.formats.receiver.ubx_messages import Records, gather
 from fusion.types import AngularRate, Bools, Floats, Ints, Odometry, SensorTable, SpecificForce
 
 FORCE = ("acc_x_mps2", "acc_y_mps2", "acc_z_mps2")
@@ -140,15 +141,25 @@ def _tabulate(table: type[Table], names: tuple[str, ...], sources: list[Timed]) 
     return table.assemble(instants, None, **columns)
 
 
+def _records(
+    data: Data, frames: Frames, kind: int, least_bytes: int, type_of: Callable[[int], list[Any]]
+) -> Iterator[tuple[Ints, Records]]:
+    """The messages of a kind by their length, from which their type follows: their offsets, and what they hold."""
+    mine = (frames.kind == kind) & (frames.length >= least_bytes)
+    for length in np.unique(frames.length[mine]):
+        start = frames.start[mine & (frames.length == length)]
+        yield start, gather(data, start + 6, np.dtype(type_of(int(length))))
+
+
 def measurements(data: Data, frames: Frames) -> list[Samples]:
     """The words of all ESF-MEAS messages, one ``Samples`` per sensor id: each has its own counter."""
+
+    def type_of(length: int) -> list[Any]:
+        return [("tag", "<u4"), ("flags", "<u2"), ("id", "<u2"), ("word", "<u4", ((length - 8) // 4,))]
+
     parts, ids = [], []
-    mine = frames.kind == ubx_messages.ESF_MEAS
-    for length in np.unique(frames.length[mine & (frames.length >= 12)]):
-        start = frames.start[mine & (frames.length == length)]
-        words = (int(length) - 8) // 4
-        dtype = np.dtype([("tag", "<u4"), ("flags", "<u2"), ("id", "<u2"), ("word", "<u4", (words,))])
-        records = gather(data, start + 6, dtype)
+    for start, records in _records(data, frames, ubx_messages.ESF_MEAS, 12, type_of):
+        words = records["word"].shape[1]
         keep = np.arange(words) < (words - ((records["flags"] & _RECEIVER_TAG) != 0))[:, None]
         flat = keep.ravel()
         word = records["word"].astype(np.int64)[keep]
@@ -165,34 +176,28 @@ def measurements(data: Data, frames: Frames) -> list[Samples]:
 
 def raw_samples(data: Data, frames: Frames) -> Samples:
     """The words of all ESF-RAW messages."""
+
+    def type_of(length: int) -> list[Any]:
+        return [("reserved", "V4"), ("block", [("word", "<u4"), ("tag", "<u4")], ((length - 4) // 8,))]
+
     parts = [Samples(*[np.empty(0, np.int64)] * 4)]
-    mine = frames.kind == ubx_messages.ESF_RAW
-    for length in np.unique(frames.length[mine & (frames.length >= 12)]):
-        start = frames.start[mine & (frames.length == length)]
-        words = (int(length) - 4) // 8
-        dtype = np.dtype([("reserved", "V4"), ("block", [("word", "<u4"), ("tag", "<u4")], (words,))])
-        block = gather(data, start + 6, dtype)["block"].ravel()
-        word = block["word"].astype(np.int64)
-        parts.append(
-            Samples(block["tag"].astype(np.int64), word & 0xFFFFFF, word >> 24, np.repeat(start, words))
-        )
+    for start, records in _records(data, frames, ubx_messages.ESF_RAW, 12, type_of):
+        block = records["block"]
+        word, tick = (block[name].ravel().astype(np.int64) for name in ("word", "tag"))
+        parts.append(Samples(tick, word & 0xFFFFFF, word >> 24, np.repeat(start, block.shape[1])))
     samples = parts[0].joined(*parts[1:])
     return samples.take(np.argsort(samples.offset, kind="stable"))
 
 
 def read_status(data: Data, frames: Frames) -> SensorStatus:
     """The records of all ESF-STATUS messages."""
+
+    def type_of(length: int) -> list[Any]:
+        return [("head", "V15"), ("sensors", "u1"), ("sensor", "u1", ((length - _HEAD_BYTES) // 4, 4))]
+
     parts = [np.empty((0, 5), np.int64)]
-    mine = frames.kind == ubx_messages.ESF_STATUS
-    for length in np.unique(frames.length[mine & (frames.length >= _HEAD_BYTES + 4)]):
-        start = frames.start[mine & (frames.length == length)]
-        room = (int(length) - _HEAD_BYTES) // 4
-        records = gather(
-            data,
-            start + 6,
-            np.dtype([("head", "V15"), ("sensors", "u1"), ("sensor", "u1", (room, 4))]),
-        )
-        listed = np.arange(room) < records["sensors"][:, None]
+    for start, records in _records(data, frames, ubx_messages.ESF_STATUS, _HEAD_BYTES + 4, type_of):
+        listed = np.arange(records["sensor"].shape[1]) < records["sensors"][:, None]
         at = np.broadcast_to(start[:, None], listed.shape)[listed]
         parts.append(np.column_stack([at, records["sensor"][listed].astype(np.int64)]))
     rows = np.concatenate(parts)

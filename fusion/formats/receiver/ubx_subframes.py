@@ -55,9 +55,9 @@ def read_raw(stream: Stream, notes: Notes, place: Place) -> RawGnss | None:
         signals = read_signals(stream.data, stream.frames, *stream.messages[RAWX], notes, place)
     if SFRBX in stream.messages:
         evidence = utc_evidence(stream)
-        sure = np.flatnonzero(evidence.trust > 1)
-        sure = sure[np.argsort(evidence.offset[sure], kind="stable")]
-        navigation = read_subframes(stream, Marks(evidence.offset[sure], evidence.utc_s[sure]), notes)
+        sure = evidence.take(evidence.trust > 1)
+        sure = sure.take(np.argsort(sure.offset, kind="stable"))
+        navigation = read_subframes(stream, Marks(sure.offset, sure.utc_s), notes)
     return RawGnss(signals, navigation) if len(signals) or len(navigation) else None
 
 
@@ -94,11 +94,9 @@ def _readable(stream: Stream, records: Records, offset: Ints, notes: Notes) -> B
     length = stream.frames.length[np.searchsorted(stream.frames.start, offset)]
     system, number = SYSTEM_OF[records["gnssId"]], records["svId"].astype(np.int64)
     complete = (length == records.itemsize + 4 * words) & (words >= np.array(_FEWEST_WORDS)[system])
-    notes.skip(WRONG_LENGTH, int(np.count_nonzero(~complete)))
     numbered = (number > 0) & (number <= LAST_NUMBER[system])
-    mine = complete & (system >= 0)
-    notes.skip(UNKNOWN_SATELLITE, int(np.count_nonzero(mine & ~numbered)))
-    return np.asarray(mine & numbered)
+    faults = ((WRONG_LENGTH, ~complete), (UNKNOWN_SATELLITE, (system >= 0) & ~numbered))
+    return np.asarray(notes.sift(faults) & (system >= 0))
 
 
 def _possible(states: GlonassEphemerides, notes: Notes) -> GlonassEphemerides:

@@ -21,7 +21,8 @@ _BLANK, _PLUS, _MINUS, _POINT, _ZERO, _NINE = 32, 43, 45, 46, 48, 57
 _EXACT_TENS = 10.0 ** np.arange(23)
 """Powers of ten that a double holds exactly."""
 _MOST_DIGITS = 18
-_EXPONENT_LETTERS = np.frombuffer(b"DEde", np.uint8)
+_EXPONENT_LETTERS = (68, 69, 100, 101)
+"""D and E, d and e."""
 _LARGEST_EXPONENT = 400
 
 Text = NDArray[np.uint8]
@@ -140,32 +141,18 @@ def _digits(text: Text, at: int, stop: int) -> tuple[int, int, int]:
 
 @compiled
 def _exponent(text: Text, at: int, stop: int) -> int:
-    """The exponent behind its letter; beyond ``_LARGEST_EXPONENT`` if it is none."""
-    for letter in _EXPONENT_LETTERS:
-        if text[at] == letter:
-            return _whole_number(text, at + 1, stop)
-    return _LARGEST_EXPONENT + 1
-
-
-@compiled
-def _whole_number(text: Text, at: int, stop: int) -> int:
-    """A whole number with its sign; beyond ``_LARGEST_EXPONENT`` if there is none."""
-    if at >= stop:
-        return _LARGEST_EXPONENT + 1
-    negative = text[at] == _MINUS
-    if negative or text[at] == _PLUS:
+    """The whole number behind a letter, with a sign or without; beyond ``_LARGEST_EXPONENT`` if there is none."""
+    lettered = text[at] in _EXPONENT_LETTERS
+    at += 1
+    negative = at < stop and text[at] == _MINUS
+    if negative or (at < stop and text[at] == _PLUS):
         at += 1
-    value = 0
-    has_digit = False
-    while at < stop:
-        if not _ZERO <= text[at] <= _NINE or value > _LARGEST_EXPONENT:
+    value = 0 if lettered and at < stop else _LARGEST_EXPONENT + 1
+    for i in range(at, stop):
+        if not _ZERO <= text[i] <= _NINE or value > _LARGEST_EXPONENT:
             return _LARGEST_EXPONENT + 1
-        value = value * 10 + (text[at] - _ZERO)
-        has_digit = True
-        at += 1
-    if not has_digit or value > _LARGEST_EXPONENT:
-        return _LARGEST_EXPONENT + 1
-    return -value if negative else value
+        value = value * 10 + (text[i] - _ZERO)
+    return -value if negative and value <= _LARGEST_EXPONENT else value
 
 
 @compiled

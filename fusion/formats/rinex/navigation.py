@@ -38,15 +38,7 @@ _WIDTH = 19
 _DATE_2 = ((3, 2), (6, 2), (9, 2), (12, 2), (15, 2), (17, 5))
 _DATE_2_LETTER = tuple((at + 1, width) for at, width in _DATE_2)
 _DATE_3 = ((4, 4), (8, 3), (11, 3), (14, 3), (17, 3), (20, 3))
-_READ_4 = {
-    ("G", "LNAV"),
-    ("J", "LNAV"),
-    ("R", "FDMA"),
-    ("E", "INAV"),
-    ("E", "FNAV"),
-    ("C", "D1"),
-    ("C", "D2"),
-}
+_READ_4 = {"G LNAV", "J LNAV", "R FDMA", "E INAV", "E FNAV", "C D1", "C D2"}
 """Messages of version 4 with the layout of version 3; the CNAV ones are others'."""
 MODERN_MESSAGE = "records of a kind that is not read (CNAV and the like)"
 
@@ -114,7 +106,7 @@ def _heads_4(lines: Lines, body: Ints, notes: Notes) -> tuple[Ints, Ints]:
     count = np.diff(np.append(at, len(body))) - 1
     kinds = [lines.line(int(i)).split() for i in body[at]]
     ephemeris = np.array([k[1:2] == ["EPH"] for k in kinds], bool)
-    readable = np.array([len(k) > 3 and (k[2][:1], k[3]) in _READ_4 for k in kinds], bool)
+    readable = np.array([len(k) > 3 and f"{k[2][:1]} {k[3]}" in _READ_4 for k in kinds], bool)
     notes.skip(MODERN_MESSAGE, int((ephemeris & ~readable).sum()))
     keep = ephemeris & readable & (count > 0)
     return body[at[keep] + 1], count[keep]
@@ -141,18 +133,13 @@ def ionosphere_4(lines: Lines, header: Header) -> tuple[float, ...] | None:
     coefficients: dict[str, tuple[float, ...]] = {}
     for i in at:
         words = lines.line(int(i)).split()
-        if (
-            words[1:2] == ["ION"]
-            and words[3:4] == ["LNAV"]
-            and words[2][0] in "GJ"
-            and words[2][0] not in coefficients
-        ):
-            value = _values(lines, np.array([i + 1]), np.array([min(3, len(lines) - i - 1)]), np.array([4]))[
-                0
-            ]
-            eight = (*value[0, 1:], *value[1], value[2, 0])
-            if np.isfinite(eight).all() and any(eight):
-                coefficients[words[2][0]] = tuple(float(v) for v in eight)
+        system = "".join(words[2:3])[:1]
+        if words[1:2] + words[3:4] != ["ION", "LNAV"] or system in coefficients:
+            continue
+        value = _values(lines, np.array([i + 1]), np.array([min(3, len(lines) - i - 1)]), np.array([4]))
+        eight = value[0].ravel()[1:9]
+        if np.isfinite(eight).all() and eight.any():
+            coefficients[system] = tuple(eight.tolist())
     return coefficients.get("G") or coefficients.get("J")
 
 
@@ -213,13 +200,11 @@ def _possible(records: Records, fine: Bools, notes: Notes) -> Bools:
 def _kepler(records: Records, notes: Notes) -> KeplerEphemerides:
     column = {name: records.value[:, line, place] for name, (line, place) in _PLACES.items()}
     toe, toc = records.value[:, *_TOE], records.time_s
-    with np.errstate(invalid="ignore", over="ignore"):
-        fine = np.all([np.isfinite(c) for c in column.values()], axis=0) & (toe >= 0) & (toe <= WEEK_S)
-        low, high = _PLAUSIBLE_ROOT_A
-        fine &= (column["root_a"] > low) & (column["root_a"] < high) & (column["eccentricity"] >= 0)
-        fine &= (column["eccentricity"] < _LARGEST_ECCENTRICITY) & (
-            np.abs(column["af0_s"]) < _LARGEST_CLOCK_S
-        )
+    fine = np.all([np.isfinite(c) for c in column.values()], axis=0) & (toe >= 0) & (toe <= WEEK_S)
+    low, high = _PLAUSIBLE_ROOT_A
+    fine &= (column["root_a"] > low) & (column["root_a"] < high)
+    fine &= (column["eccentricity"] >= 0) & (column["eccentricity"] < _LARGEST_ECCENTRICITY)
+    fine &= np.abs(column["af0_s"]) < _LARGEST_CLOCK_S
     fine = _possible(records, fine, notes)
     records, column = records.take(fine), {name: c[fine] for name, c in column.items()}
     toe, toc = toe[fine], toc[fine]

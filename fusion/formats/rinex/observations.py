@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.errors import MalformedLogError
-from fusion.formats.base import MAX_TIME_S, MIN_TIME_S, Notes
+from fusion.formats.base import Notes, is_possible_time
 from fusion.formats.rinex import scan
 from fusion.formats.rinex.header import Header
 from fusion.formats.rinex.lines import Lines, seconds_of
@@ -226,8 +226,7 @@ def _epochs(lines: Lines, header: Header, rows: _Rows, notes: Notes) -> tuple[Fl
         seconds = gps_from_unix(seconds + GPS_EPOCH_S)
     elif header.scale == "BDT":
         seconds = seconds + BEIDOU_LATE_S
-    unix_s = unix_from_gps(seconds)
-    good &= (unix_s > MIN_TIME_S) & (unix_s < MAX_TIME_S)
+    good &= is_possible_time(unix_from_gps(seconds))
 
     def say(epoch: int) -> str:
         line = int(rows.epoch_line[epoch])

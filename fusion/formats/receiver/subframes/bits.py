@@ -140,7 +140,11 @@ def nearest(near_s: Floats, part_s: Floats, period_s: float) -> Floats:
 
 def in_time(own_s: Floats, near_s: Floats, notes: Notes) -> Bools:
     """Which messages are of the time around them; the others are counted."""
-    return notes.sift(((NOT_THEN, ~(np.abs(own_s - near_s) <= _TOLERANCE_S)),))
+    return notes.sift(((NOT_THEN, _is_far(own_s, near_s)),))
+
+
+def _is_far(own_s: Floats, near_s: Floats) -> Bools:
+    return np.asarray(~(np.abs(own_s - near_s) <= _TOLERANCE_S))
 
 
 def dated(
@@ -151,13 +155,11 @@ def dated(
     ``own_s`` (n,) are the seconds of the GPS week at which subframes say that they were sent. One without preamble or
     number, or (NaN) without a time, is counted under ``reason``.
     """
-    sound = (
-        (head["preamble"] == preamble) & (head["subframe"] > 0) & (head["subframe"] < 6) & ~np.isnan(own_s)
-    )
-    notes.skip(reason, int(np.count_nonzero(~sound)))
+    subframe = head["subframe"].astype(np.int64)
+    headed = (head["preamble"] == preamble) & (subframe > 0) & (subframe < 6) & ~np.isnan(own_s)
     sent_s = nearest(pages.near_s, own_s, WEEK_S)
-    sound[sound] = in_time(sent_s[sound], pages.near_s[sound], notes)
-    return pages.take(sound), sent_s[sound], head["subframe"][sound].astype(np.int64)
+    sound = notes.sift(((reason, ~headed), (NOT_THEN, _is_far(sent_s, pages.near_s))))
+    return pages.take(sound), sent_s[sound], subframe[sound]
 
 
 def ephemerides(

@@ -70,9 +70,8 @@ def read_strings(pages: Pages, notes: Notes) -> GlonassEphemerides:
     values = [bits.read(pages.bits[rows[:, k]], layout) for k, layout in enumerate(PARTS.values())]
     number, near_s = pages.number[rows[:, 0]], pages.near_s[rows[:, 0]]
     moscow_s, fits = _moscow(values, near_s, notes)
-    same = (values[3]["slot"] == number) | (
-        values[3]["slot"] == 0
-    )  # satellites of the first generation send none
+    slot = values[3]["slot"]
+    same = (slot == number) | (slot == 0)  # satellites of the first generation send none
     notes.skip(OTHER_SLOT, int(np.count_nonzero(fits & ~same)))
     columns = {
         "number": number,

@@ -12,21 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.formats.base import Notes
-from fusion.formats.receiver.subframes.bits import (
-    SEMICIRCLE,
-    Bits,
-    Layout,
-    Pages,
-    complete_sets,
-    count,
-    ephemerides,
-    in_time,
-    nearest,
-    numbers,
-    read_sets,
-    signed,
-    write,
-)
+from fusion.formats.receiver.subframes import bits
+from fusion.formats.receiver.subframes.bits import SEMICIRCLE, Bits, Layout, Pages, count, numbers, signed
 from fusion.signals import GALILEO, WEEK_S, KeplerEphemerides
 from fusion.types import Bools, Floats, Ints
 
@@ -99,45 +86,44 @@ PARTS: dict[int, Layout] = {
 
 def read_inav(pages: Pages, notes: Notes) -> KeplerEphemerides:
     """Ephemerides of pages (n, 256 bits)."""
-    sound = _sound(pages.bits, notes)
-    pages = pages.take(sound)
+    pages = pages.take(_sound(pages.bits, notes))
     pages = Pages(pages.number, pages.bits[:, _WORD], pages.near_s, pages.channel)
     kind = numbers(pages.bits, KIND)
     orbit = (kind > 0) & (kind < 6)
     orbit &= (kind != 4) | (numbers(pages.bits, PARTS[4]["satellite"]) == pages.number)
     pages, kind = pages.take(orbit), kind[orbit]
     tow = numbers(pages.bits, PARTS[5]["tow"])
-    sent_s = np.where(kind == 5, nearest(pages.near_s, tow.astype(float), WEEK_S), pages.near_s)
-    fits = in_time(sent_s, pages.near_s, notes) & ((kind != 5) | (tow < WEEK_S))
+    sent_s = np.where(kind == 5, bits.nearest(pages.near_s, tow.astype(float), WEEK_S), pages.near_s)
+    fits = bits.in_time(sent_s, pages.near_s, notes) & ((kind != 5) | (tow < WEEK_S))
     pages, kind, sent_s = pages.take(fits), kind[fits], sent_s[fits]
     health, invalid = (numbers(pages.bits, PARTS[5][name]) for name in ("health", "invalid"))
     status = np.where(kind == 5, 1 + 2 * health + invalid, 0)
     issue = np.where(kind == 5, -1, numbers(pages.bits, _ISSUE))
-    rows = complete_sets(pages.number, kind, issue, sent_s, tuple(PARTS), _SAME_ISSUE_S, notes, status)
+    rows = bits.complete_sets(pages.number, kind, issue, sent_s, tuple(PARTS), _SAME_ISSUE_S, notes, status)
     return _ephemerides(pages, rows, sent_s[rows[:, 4]], notes)
 
 
-def _sound(bits: Bits, notes: Notes) -> Bools:
+def _sound(pages: Bits, notes: Notes) -> Bools:
     """Which pages are a nominal pair of halves with the right CRC; the others are counted."""
-    half = {name: numbers(bits, field) for name, field in _HALVES.items()}
+    half = {name: numbers(pages, field) for name, field in _HALVES.items()}
     alert = (half["even_alert"] == 1) | (half["odd_alert"] == 1)
     pair = (half["even"] == 0) & (half["odd"] == 1) & ~alert
-    return notes.sift(((NO_PAGE, ~pair), (WRONG_CRC, crc_24q(bits) != numbers(bits, _CRC))))
+    return notes.sift(((NO_PAGE, ~pair), (WRONG_CRC, crc_24q(pages) != numbers(pages, _CRC))))
 
 
-def crc_24q(bits: Bits) -> Ints:
+def crc_24q(pages: Bits) -> Ints:
     """The checksum of pages (n, 256): a sum modulo 2 of what each bit adds to it."""
-    odd = (bits[:, _COVERED].astype(np.float32) @ _crc_of_each_bit()).astype(np.int64) & 1
+    odd = (pages[:, _COVERED].astype(np.float32) @ _crc_of_each_bit()).astype(np.int64) & 1
     return np.asarray(odd @ (1 << np.arange(23, -1, -1)))
 
 
 def pages_of(words: Bits) -> Bits:
     """Nominal pages (n, 256) that carry words (n, 128), checksum and all."""
-    bits = np.zeros((len(words), BITS), np.uint8)
-    bits[:, _WORD] = words
-    write(bits, {"half": _HALVES["odd"]}, {"half": np.ones(len(words))})
-    write(bits, {"crc": _CRC}, {"crc": crc_24q(bits).astype(float)})
-    return bits
+    pages = np.zeros((len(words), BITS), np.uint8)
+    pages[:, _WORD] = words
+    bits.write(pages, {"half": _HALVES["odd"]}, {"half": np.ones(len(words))})
+    bits.write(pages, {"crc": _CRC}, {"crc": crc_24q(pages).astype(float)})
+    return pages
 
 
 @cache
@@ -153,11 +139,11 @@ def _crc_of_each_bit() -> NDArray[np.float32]:
 
 
 def _ephemerides(pages: Pages, rows: Ints, sent_s: Floats, notes: Notes) -> KeplerEphemerides:
-    values = read_sets(pages.bits, rows, PARTS.values())
+    values = bits.read_sets(pages.bits, rows, PARTS.values())
     of_week = (np.floor(sent_s / WEEK_S) - WEEK_0) % 4096 == values["week"]
     values["healthy"] = (values["health"] == 0) & (values["invalid"] == 0)
     values["accuracy_m"] = signal_accuracy_m(values["accuracy_index"])
-    return ephemerides(GALILEO, pages.number[rows[:, 0]], sent_s, values, of_week, notes)
+    return bits.ephemerides(GALILEO, pages.number[rows[:, 0]], sent_s, values, of_week, notes)
 
 
 def signal_accuracy_m(index: Floats) -> Floats:
