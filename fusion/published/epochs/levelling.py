@@ -138,13 +138,8 @@ def _stretch(epochs: Epochs, part: NDArray[np.intp]) -> MountPitch:
     index, time_s, distance = part[known], time_s[known], distance[known]
     sigma = np.nan_to_num(epochs.v_acc_m[index], nan=UNKNOWN_ALTITUDE_SIGMA_M)
     # The sensor's integral wanders as well: white suspension noise adds up to a random walk along the road.
-    walk = (
-        _SUSPENSION_GRADE**2
-        * 2
-        * _SUSPENSION_TAU_S
-        * np.mean(np.diff(distance) ** 2 / np.diff(time_s))
-        / np.mean(np.diff(distance))
-    )
+    pace = np.mean(np.diff(distance) ** 2 / np.diff(time_s))
+    walk = _SUSPENSION_GRADE**2 * 2 * _SUSPENSION_TAU_S * pace / np.mean(np.diff(distance))
     misfit = epochs.alt_m[index] - climb[known]
     slope, variance = _mount_pitch_of_misfit(misfit, time_s, distance, sigma, float(walk))
     return MountPitch(slope, math.sqrt(variance), "altitude")
