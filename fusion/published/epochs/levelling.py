@@ -67,7 +67,7 @@ def estimate_mount(epochs: Epochs) -> MountPitch:
 
 
 def _weighed(estimates: list[MountPitch]) -> MountPitch:
-    """What is known of estimates, by inverse variance."""
+    """The estimates that say anything, combined by inverse variance."""
     known = [e for e in estimates if e.known]
     if not known:
         return unknown_mount("none")
@@ -138,8 +138,8 @@ def _stretch(epochs: Epochs, part: NDArray[np.intp]) -> MountPitch:
     index, time_s, distance = part[known], time_s[known], distance[known]
     sigma = np.nan_to_num(epochs.v_acc_m[index], nan=UNKNOWN_ALTITUDE_SIGMA_M)
     # The sensor's integral wanders as well: white suspension noise adds up to a random walk along the road.
-    pace = np.mean(np.diff(distance) ** 2 / np.diff(time_s))
-    walk = _SUSPENSION_GRADE**2 * 2 * _SUSPENSION_TAU_S * pace / np.mean(np.diff(distance))
+    squares_per_s = np.mean(np.diff(distance) ** 2 / np.diff(time_s))
+    walk = _SUSPENSION_GRADE**2 * 2 * _SUSPENSION_TAU_S * squares_per_s / np.mean(np.diff(distance))
     misfit = epochs.alt_m[index] - climb[known]
     slope, variance = _mount_pitch_of_misfit(misfit, time_s, distance, sigma, float(walk))
     return MountPitch(slope, math.sqrt(variance), "altitude")

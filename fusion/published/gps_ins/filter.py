@@ -49,7 +49,9 @@ class DriveReadings:
 
 @dataclass(frozen=True)
 class Settings:
-    """How GPS and INS are put together; the options of the same names say more. Two states have no use for the others'.
+    """How GPS and INS are put together; the options of the same names say more.
+
+    Filters of two states do not look at what concerns the heading.
 
     ``gate``: the largest normalised square of an innovation that is believed, infinite for all.
     """
