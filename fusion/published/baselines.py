@@ -13,7 +13,7 @@ from pydantic import Field
 from fusion.errors import MissingSensorError
 from fusion.frames import wrap_angle
 from fusion.methods.base import DriveResult, Options
-from fusion.published.epochs.line import AltitudeErrors, LineRule, segment_slopes
+from fusion.published.epochs.line import AltitudeErrors, segment_slopes
 from fusion.published.epochs.table import UNKNOWN_ALTITUDE_SIGMA_M, Epochs, build_epochs, white_altitude_sigma
 from fusion.published.matchers.mahalanobis import GATE, match_points
 from fusion.roads.network import RoadNetwork
@@ -60,9 +60,7 @@ class RawMethod:
             )
         progress("match", 0.0)
         epochs, track = match_fixes(log, network, options.period_s)
-        slopes = segment_slopes(
-            track, _altitude_errors(epochs, track).covariance, LineRule(min_epochs=options.min_epochs)
-        )
+        slopes = segment_slopes(track, _altitude_errors(epochs, track).covariance, options.min_epochs)
         return DriveResult(track, slopes, {"white_altitude_sigma_m": white_altitude_sigma(epochs)})
 
 

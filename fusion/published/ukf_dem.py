@@ -121,7 +121,7 @@ def prepare(log: DriveLog, network: RoadNetwork, dem: Dem, options: UkfDemOption
     epochs = _positions(build_epochs(log, network.projection, options.period_s), options.doppler)
     terrain = Terrain(dem, options.dem_window, network, epochs, options, options.antenna_height_m)
     engine = UnscentedFilter(options, Unscented(options.alpha, options.beta, options.kappa))
-    return DriveRun(epochs, network, engine, options, Sensors(epochs, options), terrain)
+    return DriveRun(epochs, network, options, Sensors(epochs, options), terrain, engine)
 
 
 def _positions(epochs: Epochs, doppler: bool) -> Epochs:
@@ -177,10 +177,8 @@ class UnscentedFilter:
     def sense(self, dt_s: float | None, measured: Measurement) -> PredictedMap:
         """See ``EpochFilter``."""
         if dt_s is not None:
-            F, Q = (
-                motion.transition(self.options, dt_s),
-                np.diag(motion.process_noise_rates(self.options) * dt_s),
-            )
+            F = motion.transition(self.options, dt_s)
+            Q = np.diag(motion.process_noise_rates(self.options) * dt_s)
             self._mean, self._covariance = self.unscented.predict(
                 self._mean, self._covariance, lambda points: points @ F.T, Q
             )

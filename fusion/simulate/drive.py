@@ -90,17 +90,10 @@ class SimulatedDrive:
         t = np.arange(0.0, self.motion.duration_s, 0.1)
         state = self.motion.at(t)
         cuts = np.flatnonzero(np.diff(state.arc)) + 1
-        runs = zip(np.r_[0, cuts], np.r_[cuts, len(t)], strict=True)
-        return tuple(
-            Pass(
-                int(state.segment[a]),
-                bool(state.forward[a]),
-                float(t[a]),
-                float(t[b - 1]),
-                float(np.ptp(state.distance_m[a:b])),
-            )
-            for a, b in runs
-        )
+        first, stop = np.r_[0, cuts], np.r_[cuts, len(t)]
+        driven = [np.ptp(state.distance_m[a:b]) for a, b in zip(first, stop, strict=True)]
+        columns = (state.segment[first], state.forward[first], t[first], t[stop - 1], np.array(driven))
+        return tuple(map(Pass._make, zip(*(c.tolist() for c in columns), strict=True)))
 
     def passes(self) -> tuple[Pass, ...]:
         """Every passage over a segment, in order."""

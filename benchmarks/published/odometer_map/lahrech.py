@@ -24,12 +24,12 @@ from fusion.formats import read_log
 from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
 from fusion.simulate.drive import SimulatedDrive
-from fusion.simulate.receiver.wheels import TEN_PERCENT_WHEELS, WheelSet
+from fusion.simulate.receiver.wheels import WheelSet
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Ints, Progress
-from published.odometer_map.scene import lahrech_drive
+from published.odometer_map.scene import TEN_PERCENT_WHEELS, lahrech_drive
 from published.rows import Row
 
 Figures = dict[str, float]

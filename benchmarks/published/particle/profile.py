@@ -71,7 +71,7 @@ def loops(particles: int) -> dict[str, float]:
     fill_normals(lanes, normals)
     still, top = np.float32(0), np.float32(0)
     draws = sense_pass._importance_density(np.full(9, 0.1), np.zeros(9), np.ones(9), np.zeros(9), True)
-    draws[:, layout.D_GAIN] = 0.0  # what is repeated here must not wear the cloud out
+    draws[:, 1] = 0.0  # the gain: what is repeated here must not wear the cloud out
     axis, logw, out = chunk[: 3 * layout.ROW], chunk[layout.LOGW * layout.ROW :], np.empty(n)
     row_a, row_b = np.zeros(layout.A_COLUMNS), np.zeros(layout.B_COLUMNS)
     ground = (chunk, n, np.zeros(3), np.zeros(3), 0.0, 0.0, 1.55)

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from fusion.frames import LocalProjection
 from fusion.published.canyon.drive import CanyonDrive, simulate_canyon
-from fusion.published.canyon.fronts import STREETS, Fronts, fronts_along
+from fusion.published.canyon.fronts import NO_FRONTS, STREETS, Fronts, fronts_along
 from fusion.published.canyon.radio import Radio
 from fusion.published.canyon.ride import Ride, Route
 from fusion.published.canyon.sky import synthetic_navigation
@@ -119,4 +119,4 @@ def fronts_of_route(route: Route, rng: np.random.Generator, shares: dict[str, fl
         if to - at > 2.0:
             parts.append(fronts_along(Route(stretch(route, at, to)), kind, rng))
         at = to
-    return Fronts.joined(parts).clear_of(route.points_m[:, :2])
+    return NO_FRONTS.joined(*parts).clear_of(route.points_m[:, :2])

@@ -80,22 +80,16 @@ class CanyonDrive:
         sky, epoch = self.sky, self.sky.epoch
         distance, closing = self._geometry()
         clock_m = self.clock.bias_m + self.clock.jump_m
+        pseudorange = distance + clock_m[epoch] + self.system_bias_m - LIGHT_MPS * sky.clock_s
+        rate = closing + self.clock.drift_mps[epoch] - LIGHT_MPS * sky.clock_drift
         rows = len(epoch)
         return Signals(
             gps_s=self.ride.gps_s + clock_m / LIGHT_MPS,
             first=sky.first,
             system=sky.system,
             number=sky.number,
-            pseudorange_m=distance
-            + clock_m[epoch]
-            + self.system_bias_m
-            - LIGHT_MPS * sky.clock_s
-            + self._atmosphere_m()
-            + self.error_m,
-            range_rate_mps=closing
-            + self.clock.drift_mps[epoch]
-            - LIGHT_MPS * sky.clock_drift
-            + self.error_mps,
+            pseudorange_m=pseudorange + self._atmosphere_m() + self.error_m,
+            range_rate_mps=rate + self.error_mps,
             cn0_dbhz=self.cn0_dbhz,
             sigma_m=np.full(rows, np.nan),
             frequency_hz=sky.carrier_hz,

@@ -6,13 +6,13 @@ on either side; what would stand in a road is left out, so that streets open whe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from fusion.arrays import ColumnTable
 from fusion.published.canyon.ride import Route
 from fusion.simulate.scene.town import Town
 from fusion.types import Floats
@@ -52,7 +52,7 @@ mask 52 degrees, not 10, and dense ones 50, not over 60), so that they are not u
 
 
 @dataclass(frozen=True)
-class Fronts:
+class Fronts(ColumnTable):
     """n fronts: ``ends_m`` (n, 4) are x, y of one end and of the other, ``top_m`` (n,) the roof on the plane's z.
 
     ``loss_db`` (n,) is what a reflection takes off C/N0.
@@ -61,21 +61,6 @@ class Fronts:
     ends_m: Floats
     top_m: Floats
     loss_db: Floats
-
-    def __len__(self) -> int:
-        """How many fronts there are."""
-        return len(self.top_m)
-
-    @classmethod
-    def joined(cls, parts: Sequence[Fronts]) -> Fronts:
-        """All fronts of several streets."""
-        none = cls(np.empty((0, 4)), np.empty(0), np.empty(0))
-        every = [none, *parts]
-        return cls(
-            np.concatenate([p.ends_m for p in every]),
-            np.concatenate([p.top_m for p in every]),
-            np.concatenate([p.loss_db for p in every]),
-        )
 
     def clear_of(self, roads_m: Floats) -> Fronts:
         """Those that do not stand in a road; ``roads_m`` (k, 2) are points of all roads, about every metre."""
@@ -89,15 +74,18 @@ class Fronts:
         least = np.minimum.reduceat(near, np.concatenate([[0], np.cumsum(count)[:-1]]))
         own = np.maximum.reduceat(near, np.concatenate([[0], np.cumsum(count)[:-1]]))
         keep = least >= np.maximum(_CLEAR_SHARE * own, 2.0)
-        return Fronts(self.ends_m[keep], self.top_m[keep], self.loss_db[keep])
+        return self.take(keep)
+
+
+NO_FRONTS = Fronts(np.empty((0, 4)), np.empty(0), np.empty(0))
 
 
 def fronts_along(street: Route, kind: StreetClass, rng: np.random.Generator) -> Fronts:
     """Blocks on both sides of a street, from its beginning to its end."""
     if kind.height_m <= 0:
-        return Fronts.joined(())
+        return NO_FRONTS
     half = 0.5 * rng.uniform(*kind.width_m)
-    return Fronts.joined([_side(street, kind, side * half, rng) for side in (-1.0, 1.0)])
+    return NO_FRONTS.joined(*(_side(street, kind, side * half, rng) for side in (-1.0, 1.0)))
 
 
 def _side(street: Route, kind: StreetClass, aside_m: float, rng: np.random.Generator) -> Fronts:
@@ -150,7 +138,7 @@ def fronts_of_town(town: Town, rng: np.random.Generator, everywhere: str | None 
         if built[k]:
             kind = STREETS[everywhere] if everywhere else _class_at(from_centre[k] / radius)
             parts.append(fronts_along(Route(line), kind, rng))
-    return Fronts.joined(parts).clear_of(np.concatenate(roads))
+    return NO_FRONTS.joined(*parts).clear_of(np.concatenate(roads))
 
 
 def _class_at(share: float) -> StreetClass:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fusion.arrays import ColumnTable
 from fusion.frames import LocalProjection
 from fusion.gnss.earth import ecef
 from fusion.signals import gps_from_unix
@@ -18,7 +19,7 @@ from fusion.types import Floats
 
 
 @dataclass(frozen=True)
-class Ride:
+class Ride(ColumnTable):
     """The antenna's truth at m epochs, ``time_s`` UTC Unix seconds.
 
     ``local_m`` and ``local_mps`` (m, 3) on the plane, ``position_m`` and ``velocity_mps`` (m, 3) in ECEF.
@@ -29,10 +30,6 @@ class Ride:
     local_mps: Floats
     position_m: Floats
     velocity_mps: Floats
-
-    def __len__(self) -> int:
-        """How many epochs there are."""
-        return len(self.time_s)
 
     @property
     def gps_s(self) -> Floats:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fusion.frames import wrap_angle
 from fusion.gnss.corrections import turned_by_earth
 from fusion.gnss.earth import elevation_azimuth
 from fusion.gnss.orbits.kepler import MU_M3PS2, RATE_RADPS
@@ -142,17 +143,13 @@ def _records(system: int, toes: Floats, rng: np.random.Generator) -> KeplerEphem
         "accuracy_m": np.full(len(who), 2.0),
         "issue": np.round(since / _EVERY_S).astype(np.int64) % 256,
         "root_a": np.full(len(who), np.sqrt(pattern.semi_major_m)),
-        "m0_rad": _wrapped(latitude[who] - perigee[who] + motion * since),
-        "omega0_rad": _wrapped(node_then + RATE_RADPS[system] * _week_second(system, when)),
+        "m0_rad": wrap_angle(latitude[who] - perigee[who] + motion * since),
+        "omega0_rad": wrap_angle(node_then + RATE_RADPS[system] * _week_second(system, when)),
         "omega_rad": perigee[who],
         "omega_dot_radps": np.full(len(who), node_rate),
     }
     zero = np.zeros(len(who))
     return KeplerEphemerides(**{s.name: columns.get(s.name, zero) for s in fields(KeplerEphemerides)})
-
-
-def _wrapped(angle: Floats) -> Floats:
-    return np.asarray(np.remainder(angle + np.pi, 2 * np.pi) - np.pi)
 
 
 def _week_second(system: int, gps_s: Floats) -> Floats:

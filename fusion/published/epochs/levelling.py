@@ -25,9 +25,7 @@ _MIN_SPEED_MPS = 2.0  # slower, vertical over ground speed is noise
 _ALTITUDE_TAU_S = 100.0  # correlation time of GNSS height errors, minutes for every receiver class
 _ALTITUDE_WHITE_M = 0.5  # what is white of them
 _DEFAULT_DOPPLER_SIGMA_MPS = 0.3  # accuracy of a vertical velocity that states none
-_SUSPENSION_GRADE = (
-    0.011  # sd of the body's motion on its springs (measured on the Karlsruhe drives: 0.8 to 1.2 %)
-)
+_SUSPENSION_GRADE = 0.011  # sd of the body's motion on its springs (on the Karlsruhe drives 0.8 to 1.2 %)
 _SUSPENSION_TAU_S = 1.0  # how long it hangs together (the same drives)
 _MAX_POINTS = 400  # altitudes of a stretch that are used: more of them say the same again
 _VAGUE_M, _VAGUE_GRADE = 1e4, 1e2  # spreads of offset and tilt at the start of the fit: nothing is known
@@ -55,17 +53,29 @@ class MountPitch:
         return bool(np.isfinite(self.sigma))
 
 
+def unknown_mount(why: str) -> MountPitch:
+    """Grade 0 with infinite sigma; ``why`` stands for the source."""
+    return MountPitch(0.0, np.inf, why)
+
+
 def estimate_mount(epochs: Epochs) -> MountPitch:
     """Estimate the mount pitch from vertical Doppler velocity and from altitudes, by inverse variance.
 
     Returns grade 0 with infinite sigma where the drive holds neither or never moves.
     """
-    estimates = [e for e in (_from_doppler(epochs), _from_altitude(epochs)) if e.known and e.sigma > 0]
-    if not estimates:
-        return MountPitch(0.0, np.inf, "none")
-    weight = np.array([1 / e.sigma**2 for e in estimates])
-    grade = float(np.sum(weight * [e.grade for e in estimates]) / weight.sum())
-    return MountPitch(grade, float(weight.sum() ** -0.5), " and ".join(e.source for e in estimates))
+    return _weighed([e for e in (_from_doppler(epochs), _from_altitude(epochs)) if e.sigma > 0])
+
+
+def _weighed(estimates: list[MountPitch]) -> MountPitch:
+    """The estimates that say anything, combined by inverse variance."""
+    known = [e for e in estimates if e.known]
+    if not known:
+        return unknown_mount("none")
+    weight = np.array([1 / e.sigma**2 for e in known])
+    grade = float(np.sum(weight * [e.grade for e in known]) / weight.sum())
+    return MountPitch(
+        grade, float(weight.sum() ** -0.5), " and ".join(dict.fromkeys(e.source for e in known))
+    )
 
 
 def mount_report(mount: MountPitch) -> dict[str, object]:
@@ -83,7 +93,7 @@ def _from_doppler(epochs: Epochs) -> MountPitch:
         epochs.speed_mps > _MIN_SPEED_MPS
     )
     if np.count_nonzero(use) < 10:
-        return MountPitch(0.0, np.inf, "none")
+        return unknown_mount("none")
     speed = epochs.speed_mps[use]
     excess = np.tan(epochs.pitch_rad[use]) - epochs.vel_u_mps[use] / speed
     sigma = np.nan_to_num(epochs.s_acc_mps[use], nan=_DEFAULT_DOPPLER_SIGMA_MPS)
@@ -107,14 +117,8 @@ def _from_altitude(epochs: Epochs) -> MountPitch:
     """Regress (altitude - integral of measured grade) on distance, stretch by stretch."""
     usable = np.isfinite(epochs.pitch_rad) & np.isfinite(epochs.speed_mps)
     breaks = np.flatnonzero(epochs.after_outage | ~usable)
-    stretches = [
-        _stretch(epochs, part) for part in np.split(np.arange(len(epochs)), breaks) if len(part) >= 10
-    ]
-    weight = np.array([1 / e.sigma**2 for e in stretches if e.known])
-    if not len(weight):
-        return MountPitch(0.0, np.inf, "none")
-    grade = float(np.sum(weight * [e.grade for e in stretches if e.known]) / weight.sum())
-    return MountPitch(grade, float(weight.sum() ** -0.5), "altitude")
+    parts = np.split(np.arange(len(epochs)), breaks)
+    return _weighed([_stretch(epochs, part) for part in parts if len(part) >= 10])
 
 
 def _stretch(epochs: Epochs, part: NDArray[np.intp]) -> MountPitch:
@@ -129,18 +133,13 @@ def _stretch(epochs: Epochs, part: NDArray[np.intp]) -> MountPitch:
     climb = np.concatenate([[0.0], np.cumsum(metres * 0.5 * (grade[1:] + grade[:-1]))])
     known = np.flatnonzero(np.isfinite(epochs.alt_m[part]))
     if len(known) < 10 or distance[known[-1]] - distance[known[0]] < 100.0:
-        return MountPitch(0.0, np.inf, "none")
+        return unknown_mount("none")
     known = known[:: max(1, len(known) // _MAX_POINTS)]
     index, time_s, distance = part[known], time_s[known], distance[known]
     sigma = np.nan_to_num(epochs.v_acc_m[index], nan=UNKNOWN_ALTITUDE_SIGMA_M)
     # The sensor's integral wanders as well: white suspension noise adds up to a random walk along the road.
-    walk = (
-        _SUSPENSION_GRADE**2
-        * 2
-        * _SUSPENSION_TAU_S
-        * np.mean(np.diff(distance) ** 2 / np.diff(time_s))
-        / np.mean(np.diff(distance))
-    )
+    squares_per_s = np.mean(np.diff(distance) ** 2 / np.diff(time_s))
+    walk = _SUSPENSION_GRADE**2 * 2 * _SUSPENSION_TAU_S * squares_per_s / np.mean(np.diff(distance))
     misfit = epochs.alt_m[index] - climb[known]
     slope, variance = _mount_pitch_of_misfit(misfit, time_s, distance, sigma, float(walk))
     return MountPitch(slope, math.sqrt(variance), "altitude")

@@ -17,6 +17,11 @@ from fusion.compiled import compiled
 from fusion.network.combine import combine
 from fusion.types import Floats, SegmentSlope, Track
 
+_MIN_SPAN_M = 5.0  # between the first and the last altitude of a line
+_MAX_BREAK_S = 5.0  # epochs further apart belong to two passes
+_MIN_SPEED_MPS = 1.0  # slower epochs are left out: a standing vehicle's estimates wander
+_MAX_SLOPE_PERCENT = 50.0  # a steeper line is no road
+
 Index = NDArray[np.intp]
 AltitudeCovariance = Callable[[Index], Floats]
 """Covariance (k, k), m^2, of the altitude errors at k epochs of a track."""
@@ -40,11 +45,7 @@ class ErrorShares:
 
 
 def line_slopes(
-    track: Track,
-    shares: ErrorShares,
-    mount_sigma: float,
-    min_epochs: int,
-    receiver_m: Floats | float = 0.0,
+    track: Track, shares: ErrorShares, mount_sigma: float, min_epochs: int, receiver_m: Floats | float = 0.0
 ) -> tuple[SegmentSlope, ...]:
     """Slopes of the segments of a filtered track; ``mount_sigma`` is a grade error that all of them share.
 
@@ -59,8 +60,7 @@ def line_slopes(
         grade=np.hypot(shares.grade * np.nan_to_num(track.pitch_sigma_rad), mount_sigma),
         grade_correlation_s=shares.grade_correlation_s,
     )
-    rule = LineRule(min_epochs=min_epochs, floor_percent=shares.floor_percent)
-    return segment_slopes(track, errors.covariance, rule)
+    return segment_slopes(track, errors.covariance, min_epochs, shares.floor_percent)
 
 
 @dataclass(frozen=True)
@@ -92,42 +92,27 @@ class AltitudeErrors:
         return covariance
 
 
-@dataclass(frozen=True)
-class LineRule:
-    """When a pass over a segment yields a slope.
-
-    ``min_epochs``: altitudes on the segment at least (thesis 3.4.3: 3, its experiment 4). ``min_span_m``: distance
-    between the first and the last of them at least. ``max_break_s``: epochs further apart belong to two passes.
-    ``min_speed_mps``: epochs slower than this are left out, for a standing vehicle's estimates wander.
-    ``max_slope_percent``: a steeper line is no road and is dropped.
-    ``floor_percent``: what a line can't know about a segment (its curvature, where within it the epochs lie).
-    """
-
-    min_epochs: int = 4
-    min_span_m: float = 5.0
-    max_break_s: float = 5.0
-    min_speed_mps: float = 1.0
-    max_slope_percent: float = 50.0
-    floor_percent: float = 0.2
-
-
-def segment_slopes(track: Track, covariance: AltitudeCovariance, rule: LineRule) -> tuple[SegmentSlope, ...]:
+def segment_slopes(
+    track: Track, covariance: AltitudeCovariance, min_epochs: int = 4, floor_percent: float = 0.2
+) -> tuple[SegmentSlope, ...]:
     """The slope of every segment that the track stays on long enough, passes combined, ordered by segment.
 
-    ``distance_m`` grows from from_node to to_node, so the sign is right whichever way the vehicle went.
+    ``distance_m`` grows from from_node to to_node, so the sign is right whichever way the vehicle went. A pass needs
+    ``min_epochs`` altitudes on the segment (thesis 3.4.3: 3, its experiment 4). ``floor_percent`` is what a line can't
+    know about a segment (its curvature, where within it the epochs lie).
     """
     lines: dict[int, list[tuple[float, float, Index]]] = {}
-    known = np.isfinite(track.alt_m) & np.isfinite(track.distance_m) & ~(track.speed_mps < rule.min_speed_mps)
-    for segment, epochs in passes(track, rule.max_break_s):
+    known = np.isfinite(track.alt_m) & np.isfinite(track.distance_m) & ~(track.speed_mps < _MIN_SPEED_MPS)
+    for segment, epochs in passes(track, _MAX_BREAK_S):
         usable = epochs[known[epochs]]
-        if len(usable) < rule.min_epochs or np.ptp(track.distance_m[usable]) < rule.min_span_m:
+        if len(usable) < min_epochs or np.ptp(track.distance_m[usable]) < _MIN_SPAN_M:
             continue
         weights = line_weights(track.distance_m[usable])
         slope = 100.0 * float(weights @ track.alt_m[usable])
-        if abs(slope) > rule.max_slope_percent:
+        if abs(slope) > _MAX_SLOPE_PERCENT:
             continue
         variance = float(weights @ covariance(usable) @ weights)
-        sigma = float(np.hypot(100.0 * np.sqrt(max(variance, 0.0)), rule.floor_percent))
+        sigma = float(np.hypot(100.0 * np.sqrt(max(variance, 0.0)), floor_percent))
         lines.setdefault(segment, []).append((slope, sigma, usable))
     return tuple(_joined(segment, lines[segment], track.time_s) for segment in sorted(lines))
 

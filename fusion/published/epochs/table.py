@@ -7,11 +7,13 @@ sensors, so that a filter can bridge it. No road, no terrain and no filter is kn
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fusion.arrays import ColumnTable
 from fusion.frames import GRAVITY_MPS2, LocalProjection, acceleration_enu
 from fusion.types import LONGEST_BRIDGED_OUTAGE_S, DriveLog, Floats, SensorTable
 
@@ -27,7 +29,7 @@ MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True)
-class Epochs:
+class Epochs(ColumnTable):
     """One row per epoch, ``n`` rows; NaN where not measured. Metres in the local plane, ENU, SI units.
 
     ``acc_*`` is the kinematic acceleration (gravity taken off), ``pitch_rad`` the sensor's pitch as logged
@@ -61,21 +63,17 @@ class Epochs:
     odo_mps: Floats
     after_outage: NDArray[np.bool_]
 
-    def __len__(self) -> int:
-        return len(self.time_s)
-
     @property
     def has_gnss(self) -> NDArray[np.bool_]:
         """Whether the epoch has a position."""
         return np.isfinite(self.x_m)
 
-    def take(self, keep: NDArray[np.bool_]) -> Epochs:
-        """The epochs selected by a mask; an outage among those left out counts at the next one that is kept."""
+    def take(self, keep: NDArray[Any] | slice) -> Self:
+        """The epochs selected; an outage among those left out counts at the next one that is kept."""
         stretch = np.cumsum(self.after_outage)[keep]
-        subset = Epochs(**{spec.name: getattr(self, spec.name)[keep] for spec in fields(self)})
-        return replace(subset, after_outage=np.diff(stretch, prepend=-1) > 0)
+        return replace(super().take(keep), after_outage=np.diff(stretch, prepend=-1) > 0)
 
-    def with_fix(self) -> Epochs:
+    def with_fix(self) -> Self:
         """The epochs that have a position."""
         return self.take(self.has_gnss)
 
@@ -92,9 +90,8 @@ def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1
     force = _window_mean(log.force, time_s, window_s)
     odometer = _window_mean(log.odometry, time_s, window_s)["speed_mps"]
     after_outage = _after_outages(time_s, log.outages_s)
-    speed = _ground_speed(
-        velocity, odometer, np.hypot(_rate(x_m, time_s, after_outage), _rate(y_m, time_s, after_outage))
-    )
+    rate_e, rate_n, rate_u = (_rate(values, time_s, after_outage) for values in (x_m, y_m, altitude))
+    speed = _ground_speed(velocity, odometer, np.hypot(rate_e, rate_n))
     acceleration = _acceleration(force, attitude)
     pitch, pitch_acc = _pitch_forwards(attitude, velocity), attitude["pitch_acc_rad"]
     if not np.isfinite(pitch).any():
@@ -111,9 +108,9 @@ def build_epochs(log: DriveLog, projection: LocalProjection, period_s: float = 1
         vel_n_mps=velocity["vel_n_mps"],
         vel_u_mps=-velocity["vel_d_mps"],
         s_acc_mps=velocity["s_acc_mps"],
-        rate_e_mps=_rate(x_m, time_s, after_outage),
-        rate_n_mps=_rate(y_m, time_s, after_outage),
-        rate_u_mps=_rate(altitude, time_s, after_outage),
+        rate_e_mps=rate_e,
+        rate_n_mps=rate_n,
+        rate_u_mps=rate_u,
         acc_e_mps2=acceleration[:, 0],
         acc_n_mps2=acceleration[:, 1],
         acc_u_mps2=acceleration[:, 2],

@@ -51,6 +51,8 @@ class DriveReadings:
 class Settings:
     """How GPS and INS are put together; the options of the same names say more.
 
+    Filters of two states do not look at what concerns the heading.
+
     ``gate``: the largest normalised square of an innovation that is believed, infinite for all.
     """
 

@@ -20,7 +20,7 @@ from fusion.types import Floats
 
 _UNKNOWN_GRADE = 0.06  # spread of road grades, where nothing says how steep the road is
 _UNKNOWN_SPEED_MPS = (
-    15.0  # of a vehicle whose speed nothing says: a spread of its climb, with the grade above
+    15.0  # of a vehicle whose speed nothing says; the spread of its climb, with the grade above
 )
 _STANDING_CLIMB_MPS = 0.02  # one sigma of the climb of a vehicle that stands
 _START_SIGMA_M = 0.5  # the receiver's own datum is kept, slopes need no other

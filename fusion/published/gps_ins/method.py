@@ -7,7 +7,7 @@ roads). Heights (``height``), roads and slopes are ours: the thesis has none of 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from fusion.errors import MissingSensorError
 from fusion.filters.unscented import Unscented
 from fusion.frames import wrap_angle
 from fusion.methods.base import DriveResult, Options
-from fusion.published.epochs.levelling import MountPitch, estimate_mount, mount_report
+from fusion.published.epochs.levelling import MountPitch, estimate_mount, mount_report, unknown_mount
 from fusion.published.epochs.line import ErrorShares, line_slopes
 from fusion.published.epochs.table import Epochs, build_epochs
 from fusion.published.epochs.terrain import quality_warnings
@@ -31,13 +31,7 @@ from fusion.published.gps_ins.height import (
 )
 from fusion.published.gps_ins.ins import NEED, Ins, build_drive, read_ins
 from fusion.published.gps_ins.models import HEADING, ExtendedModel, KalmanModel, Model, UnscentedModel
-from fusion.published.gps_ins.options import (
-    ExtendedOptions,
-    GpsInsOptions,
-    HeadingOptions,
-    KalmanOptions,
-    UnscentedOptions,
-)
+from fusion.published.gps_ins.options import ExtendedOptions, GpsInsOptions, KalmanOptions, UnscentedOptions
 from fusion.published.matchers.base import PointMatches
 from fusion.published.matchers.mahalanobis import match_points
 from fusion.roads.network import RoadNetwork
@@ -77,7 +71,7 @@ class GpsInsMethod:
         terrain = self._terrain(epochs, dem, options)
         ins = read_ins(self.name, epochs, options)
         plane = locate(network, epochs, ins, options, lambda share: progress("filter", share))
-        mount = estimate_mount(epochs) if options.level_pitch else MountPitch(0.0, np.inf, "off")
+        mount = estimate_mount(epochs) if options.level_pitch else unknown_mount("off")
         climb = climb_rate(epochs, plane.speed_mps, mount, options)
         if terrain is None:
             readings = gnss_heights(epochs, climb, options)
@@ -140,11 +134,7 @@ class Plane:
 
 
 def locate(
-    network: RoadNetwork,
-    epochs: Epochs,
-    ins: Ins,
-    options: GpsInsOptions,
-    progress: Callable[[float], None],
+    network: RoadNetwork, epochs: Epochs, ins: Ins, options: GpsInsOptions, progress: Callable[[float], None]
 ) -> Plane:
     """Filter the drive as the options say, and match every epoch to the road."""
     drive = build_drive(epochs, ins, options)
@@ -159,18 +149,8 @@ def locate(
 
 def settings_of(options: GpsInsOptions) -> Settings:
     """The settings of the array-level filter that a method's options ask for."""
-    third = options if isinstance(options, HeadingOptions) else None
-    return Settings(
-        heading=third.heading if third else "command",
-        heading_reset=third.heading_reset if third else True,
-        process_sigma_m=options.process_sigma_m,
-        heading_walk_rad=third.heading_walk_rad if third else 0.0,
-        drift_share=options.drift_share,
-        fix_correlation_s=options.fix_correlation_s,
-        gate=chi_square_gate(options.gate_probability),
-        restart_after=options.restart_after,
-        min_speed_mps=options.min_speed_mps,
-    )
+    named = {f.name: getattr(options, f.name) for f in fields(Settings) if hasattr(options, f.name)}
+    return Settings(**named, gate=chi_square_gate(options.gate_probability))
 
 
 def model_of(options: GpsInsOptions) -> Model:

@@ -8,17 +8,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fusion.arrays import ColumnTable
 from fusion.roads.network import RoadNetwork
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(ColumnTable):
     """n positions, checked: shape (n,) each. Where x or y is unknown both are NaN; so is an unknown heading."""
 
     time_s: Floats
@@ -43,20 +44,12 @@ class Samples:
             np.where(np.isfinite(heading), heading, np.nan),
         )
 
-    def __len__(self) -> int:
-        return len(self.time_s)
-
     def known(self) -> Ints:
         """Indices of the samples with a position."""
         return np.flatnonzero(np.isfinite(self.x_m)).astype(np.int64)
 
-    def take(self, rows: Ints) -> Samples:
-        """The samples with these indices."""
-        return Samples(self.time_s[rows], self.x_m[rows], self.y_m[rows], self.heading_rad[rows])
 
-
-@dataclass(frozen=True, slots=True)
-class PointMatch:
+class PointMatch(NamedTuple):
     """One position on its segment.
 
     ``segment`` indexes the network; (x_m, y_m) is the matched point, ``distance_m`` its distance from
@@ -86,7 +79,7 @@ class PointMatches:
     distance_m: Floats
     heading_rad: Floats
     mahalanobis: Floats
-    forward: NDArray[np.bool_]
+    forward: Bools
 
 
 Matching = Callable[[ArrayLike, ArrayLike, ArrayLike, ArrayLike], PointMatches]
@@ -120,12 +113,7 @@ class PointMatcher(ABC):
         return matching
 
     def match(
-        self,
-        network: RoadNetwork,
-        time_s: ArrayLike,
-        x_m: ArrayLike,
-        y_m: ArrayLike,
-        heading_rad: ArrayLike,
+        self, network: RoadNetwork, time_s: ArrayLike, x_m: ArrayLike, y_m: ArrayLike, heading_rad: ArrayLike
     ) -> PointMatches:
         """The segments of n positions in order of time; all arguments have shape (n,).
 
@@ -142,7 +130,7 @@ def unmatched(n: int) -> PointMatches:
     return PointMatches(np.full(n, -1, np.int64), x, y, distance, heading, mahalanobis, np.zeros(n, np.bool_))
 
 
-def placed(network: RoadNetwork, segment: Ints, share: Floats, forward: NDArray[np.bool_]) -> PointMatches:
+def placed(network: RoadNetwork, segment: Ints, share: Floats, forward: Bools) -> PointMatches:
     """Matches from segments (-1: none), the share of each at which the match lies (0..1) and its direction."""
     s, matched = np.maximum(segment, 0), segment >= 0
     along = np.where(matched, share, np.nan)

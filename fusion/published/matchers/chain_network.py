@@ -35,20 +35,9 @@ class ChainNetwork(NamedTuple):
         All positions must be known. The cost of a place is d^2 / (2 sigma^2), and where ``turn`` is above 0 and
         the heading known turn (1 - cos a), softly bounded by ``turn_cap``, for its angle a to the direction.
         """
-        n = len(samples)
-        return find_candidates(
-            self.graph,
-            self.grid,
-            samples.x_m,
-            samples.y_m,
-            samples.heading_rad,
-            np.full(n, sigma_m),
-            np.full(n, radius_m),
-            turn,
-            turn_cap,
-            0.0,
-            0.0,
-        )
+        at = samples.x_m, samples.y_m, samples.heading_rad
+        reach = np.full(len(samples), sigma_m), np.full(len(samples), radius_m)
+        return find_candidates(self.graph, self.grid, *at, *reach, turn, turn_cap, 0.0, 0.0)
 
     def matches(self, n: int, rows: Ints, edge: Ints, at_m: Floats) -> PointMatches:
         """The matches of n samples, of which ``rows`` lie on directed chains ``edge`` (-1: none) at ``at_m``."""

@@ -54,22 +54,13 @@ class CurveToCurve(PointMatcher):
         """The chains of the network, and which follow on which, either way along the drive."""
         roads = ChainNetwork.of(network)
         ways = _ways(roads.graph)
+        settings = self.points, self.stretch, self.slack_m, self.longest_m
 
         def found(samples: Samples) -> PointMatches:
             rows = samples.known()
             s = samples.take(rows)
             places = roads.places(s, self.radius_m, math.sqrt(0.5))  # the cost is the squared distance
-            edge, at = _fit(
-                roads.graph,
-                ways,
-                places,
-                s.x_m,
-                s.y_m,
-                self.points,
-                self.stretch,
-                self.slack_m,
-                self.longest_m,
-            )
+            edge, at = _fit(roads.graph, ways, places, s.x_m, s.y_m, *settings)
             return roads.matches(len(samples), rows, edge, at)
 
         return found

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fusion.compiled import compiled
 from fusion.published.matchers.base import PointMatcher, PointMatches, Samples, placed
-from fusion.roads.grid import SegmentGrid, cells_around, project_point
+from fusion.roads.grid import SegmentGrid, project_point, segments_within
 from fusion.roads.network import RoadNetwork
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
 
 _SAME_PLACE_M = 1e-6  # ends this close are one node: far above the rounding of projected coordinates
 
@@ -37,15 +36,7 @@ class PointToPoint(PointMatcher):
 
     def prepare(self, network: RoadNetwork) -> Callable[[Samples], PointMatches]:
         """Nothing but the network's index."""
-        grid = network.grid
-
-        def found(samples: Samples) -> PointMatches:
-            return placed(
-                network,
-                *nearest_nodes(grid, samples.x_m, samples.y_m, samples.heading_rad, self.radius_m),
-            )
-
-        return found
+        return _each_alone(network, nearest_nodes, self.radius_m)
 
 
 @dataclass(frozen=True)
@@ -63,7 +54,7 @@ class PointToSegment(PointMatcher):
 
     def prepare(self, network: RoadNetwork) -> Callable[[Samples], PointMatches]:
         """Nothing but the network's index."""
-        return _by_weight(network, 0.0, self.radius_m)
+        return _each_alone(network, lightest_segments, 0.0, self.radius_m)
 
 
 @dataclass(frozen=True)
@@ -83,19 +74,17 @@ class SegmentDirection(PointMatcher):
 
     def prepare(self, network: RoadNetwork) -> Callable[[Samples], PointMatches]:
         """Nothing but the network's index."""
-        return _by_weight(network, self.turn_m, self.radius_m)
+        return _each_alone(network, lightest_segments, self.turn_m, self.radius_m)
 
 
-def _by_weight(network: RoadNetwork, turn_m: float, radius_m: float) -> Callable[[Samples], PointMatches]:
+def _each_alone(
+    network: RoadNetwork, find: Callable[..., tuple[Ints, Floats, Bools]], *settings: float
+) -> Callable[[Samples], PointMatches]:
+    """A rule that needs the network's index alone; ``find`` gives segments, shares of them and directions."""
     grid = network.grid
-
-    def found(samples: Samples) -> PointMatches:
-        return placed(
-            network,
-            *lightest_segments(grid, samples.x_m, samples.y_m, samples.heading_rad, turn_m, radius_m),
-        )
-
-    return found
+    return lambda samples: placed(
+        network, *find(grid, samples.x_m, samples.y_m, samples.heading_rad, *settings)
+    )
 
 
 @compiled
@@ -119,27 +108,22 @@ def _lightest_within(
 ) -> tuple[int, float]:
     """The segment of least weight among those within reach, and its weight; -1 for none."""
     best, least = -1, np.inf
-    first, last, low, high = cells_around(grid, x, y, reach)
-    for row in range(low, high + 1):
-        begin = grid.start[row * grid.columns + first]
-        end = grid.start[row * grid.columns + last + 1]
-        for k in range(begin, end):
-            s = grid.items[k]
-            _, px, py = project_point(grid.x0[s], grid.y0[s], grid.x1[s], grid.y1[s], x, y)
-            weight = math.sqrt((px - x) ** 2 + (py - y) ** 2)
-            if weight > reach or weight > least:
-                continue
-            if turn_m > 0.0:
-                weight += turn_m * _driven(grid, s, heading)[0]
-            if weight < least or (weight == least and s < best):
-                best, least = s, weight
+    for s in segments_within(grid, x, y, reach):
+        _, px, py = project_point(grid.x0[s], grid.y0[s], grid.x1[s], grid.y1[s], x, y)
+        weight = math.sqrt((px - x) ** 2 + (py - y) ** 2)
+        if weight > least:
+            continue
+        if turn_m > 0.0:
+            weight += turn_m * _driven(grid, s, heading)[0]
+        if weight < least:
+            best, least = s, weight
     return best, least
 
 
 @compiled
 def lightest_segments(
     grid: SegmentGrid, x: Floats, y: Floats, heading: Floats, turn_m: float, radius_m: float
-) -> tuple[Ints, Floats, NDArray[np.bool_]]:
+) -> tuple[Ints, Floats, Bools]:
     """Segment (-1: none), share of it and direction, for each position: see ``SegmentDirection``."""
     n = len(x)
     segment, share, forward = np.full(n, -1), np.full(n, np.nan), np.zeros(n, np.bool_)
@@ -153,11 +137,8 @@ def lightest_segments(
             reach = min(2.0 * reach, radius_m)
             best, least = _lightest_within(grid, x[i], y[i], heading[i], turn_m, reach)
         if best >= 0:
-            segment[i] = best
-            share[i] = project_point(grid.x0[best], grid.y0[best], grid.x1[best], grid.y1[best], x[i], y[i])[
-                0
-            ]
-            forward[i] = _driven(grid, best, heading[i])[1]
+            foot = project_point(grid.x0[best], grid.y0[best], grid.x1[best], grid.y1[best], x[i], y[i])
+            segment[i], share[i], forward[i] = best, foot[0], _driven(grid, best, heading[i])[1]
     return segment, share, forward
 
 
@@ -165,16 +146,16 @@ def lightest_segments(
 def _nearest_end(grid: SegmentGrid, x: float, y: float, reach: float) -> float:
     """Distance to the nearest end of a segment within reach, infinite for none."""
     least = np.inf
-    first, last, low, high = cells_around(grid, x, y, reach)
-    for row in range(low, high + 1):
-        begin = grid.start[row * grid.columns + first]
-        end = grid.start[row * grid.columns + last + 1]
-        for k in range(begin, end):
-            s = grid.items[k]
-            d0 = math.hypot(grid.x0[s] - x, grid.y0[s] - y)
-            d1 = math.hypot(grid.x1[s] - x, grid.y1[s] - y)
-            least = min(least, d0, d1)
+    for s in segments_within(grid, x, y, reach):
+        d0, d1 = _ends(grid, s, x, y)
+        least = min(least, d0, d1)
     return least if least <= reach else np.inf
+
+
+@compiled
+def _ends(grid: SegmentGrid, s: int, x: float, y: float) -> tuple[float, float]:
+    """Distances from the two ends of a segment."""
+    return math.hypot(grid.x0[s] - x, grid.y0[s] - y), math.hypot(grid.x1[s] - x, grid.y1[s] - y)
 
 
 @compiled
@@ -184,30 +165,24 @@ def _best_at_node(
     """Of the segments that end at this distance the best: see ``PointToPoint``."""
     best, share, forward = -1, 0.0, False
     nearest, angle = np.inf, np.inf
-    first, last, low, high = cells_around(grid, x, y, distance)
-    for row in range(low, high + 1):
-        begin = grid.start[row * grid.columns + first]
-        end = grid.start[row * grid.columns + last + 1]
-        for k in range(begin, end):
-            s = grid.items[k]
-            d0 = math.hypot(grid.x0[s] - x, grid.y0[s] - y)
-            d1 = math.hypot(grid.x1[s] - x, grid.y1[s] - y)
-            if min(d0, d1) > distance + _SAME_PLACE_M:
-                continue
-            _, px, py = project_point(grid.x0[s], grid.y0[s], grid.x1[s], grid.y1[s], x, y)
-            d = math.hypot(px - x, py - y)
-            a, onward = _driven(grid, s, heading)
-            nearer, as_near = d < nearest - _SAME_PLACE_M, d <= nearest + _SAME_PLACE_M
-            if nearer or (as_near and (a < angle or (a == angle and s < best))):
-                best, nearest, angle, forward = s, d, a, onward
-                share = 0.0 if d0 <= d1 else 1.0
+    for s in segments_within(grid, x, y, distance + 2 * _SAME_PLACE_M):
+        d0, d1 = _ends(grid, s, x, y)
+        if min(d0, d1) > distance + _SAME_PLACE_M:
+            continue
+        _, px, py = project_point(grid.x0[s], grid.y0[s], grid.x1[s], grid.y1[s], x, y)
+        d = math.hypot(px - x, py - y)
+        a, onward = _driven(grid, s, heading)
+        nearer, as_near = d < nearest - _SAME_PLACE_M, d <= nearest + _SAME_PLACE_M
+        if nearer or (as_near and a < angle):
+            best, nearest, angle, forward = s, d, a, onward
+            share = 0.0 if d0 <= d1 else 1.0
     return best, share, forward
 
 
 @compiled
 def nearest_nodes(
     grid: SegmentGrid, x: Floats, y: Floats, heading: Floats, radius_m: float
-) -> tuple[Ints, Floats, NDArray[np.bool_]]:
+) -> tuple[Ints, Floats, Bools]:
     """Segment (-1: none), which end of it (0 or 1) and direction, for each position: see ``PointToPoint``."""
     n = len(x)
     segment, share, forward = np.full(n, -1), np.full(n, np.nan), np.zeros(n, np.bool_)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fusion.compiled import compiled
 from fusion.published.matchers.base import PointMatch, PointMatcher, PointMatches, Samples
-from fusion.roads.grid import SegmentGrid, cells_around, project_point
+from fusion.roads.grid import SegmentGrid, project_point, segments_within
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
 
@@ -28,7 +28,6 @@ NOT_POSITIVE = -2
 """Stands for a segment where the covariance is not positive definite."""
 
 _COVARIANCE = "the covariance of a match must be finite and positive definite"
-_Match = tuple[int, float, float, float, float, float, bool]
 
 
 @dataclass(frozen=True)
@@ -57,36 +56,21 @@ class Mahalanobis(PointMatcher):
 
 
 def nearest_mahalanobis(
-    network: RoadNetwork,
-    x_m: float,
-    y_m: float,
-    heading_rad: float,
-    covariance: Floats,
-    gate: float = GATE,
-    radius_m: float | None = None,
-    *,
-    use_heading: bool = True,
+    network: RoadNetwork, x_m: float, y_m: float, heading_rad: float, covariance: Floats, gate: float = GATE
 ) -> PointMatch | None:
     """The candidate of least Mahalanobis distance over (x, y, heading), or None when none is within ``gate``.
 
     Every segment offers its point nearest to (x_m, y_m) (2.27) with its own direction, and with the opposite
     one unless it is one-way (2.28); heading differences are wrapped. ``covariance`` has shape (3, 3): m2,
-    m rad, rad2. With a NaN heading or ``use_heading=False`` (stationary) only x and y count, and a two-way
-    segment matches in the direction in which it is drawn. ``radius_m`` bounds the search; by default it is
-    the gate times the largest standard deviation of the position, beyond which nothing can pass. Ties go to
-    the lowest segment, forward first. Raises ``ValueError`` for a covariance that is not positive definite.
+    m rad, rad2. With a NaN heading (stationary) only x and y count, and a two-way segment matches in the
+    direction in which it is drawn. Ties go to the lowest segment, forward first. Raises ``ValueError`` for a
+    covariance that is not positive definite.
     """
-    radius = -1.0 if radius_m is None else float(radius_m)
-    heading = float(heading_rad) if use_heading else np.nan
     c = np.ascontiguousarray(covariance, np.float64)
-    segment, x, y, distance, direction, d, forward = nearest_segment(
-        network.grid, float(x_m), float(y_m), heading, c, float(gate), radius
-    )
-    if segment >= 0:
-        return PointMatch(segment, x, y, distance, direction, d, forward)
-    if segment == NOT_POSITIVE:
+    match = nearest_segment(network.grid, float(x_m), float(y_m), float(heading_rad), c, float(gate))
+    if match.segment == NOT_POSITIVE:
         raise ValueError(_COVARIANCE)
-    return None
+    return match if match.segment >= 0 else None
 
 
 def match_points(
@@ -96,7 +80,6 @@ def match_points(
     heading_rad: ArrayLike,
     covariance: ArrayLike,
     gate: float = GATE,
-    radius_m: float | None = None,
 ) -> PointMatches:
     """``nearest_mahalanobis`` of n positions, each for itself.
 
@@ -107,8 +90,7 @@ def match_points(
     x, y, heading = np.broadcast_arrays(*(np.asarray(v, np.float64) for v in (x_m, y_m, heading_rad)))
     x, y, heading = (np.array(np.atleast_1d(v)) for v in (x, y, heading))
     c = np.array(np.broadcast_to(np.asarray(covariance, np.float64), (len(x), 3, 3)))
-    radius = -1.0 if radius_m is None else float(radius_m)
-    segment, columns, forward = nearest_segments(network.grid, x, y, heading, c, float(gate), radius)
+    segment, columns, forward = nearest_segments(network.grid, x, y, heading, c, float(gate))
     if np.any(segment == NOT_POSITIVE):
         raise ValueError(_COVARIANCE)
     x, y, distance, direction, d = columns
@@ -117,50 +99,45 @@ def match_points(
 
 @compiled
 def nearest_segment(
-    grid: SegmentGrid, x: float, y: float, heading: float, c: Floats, gate: float, radius: float
-) -> _Match:
-    """The columns of a ``PointMatch``; the segment is -1 for none, or NOT_POSITIVE."""
+    grid: SegmentGrid, x: float, y: float, heading: float, c: Floats, gate: float
+) -> PointMatch:
+    """See ``nearest_mahalanobis``; the segment is -1 for none, or NOT_POSITIVE."""
     heading = heading if np.isfinite(heading) else np.nan
     p = _invert(c, not np.isnan(heading))
     if not (p.positive and np.isfinite(x) and np.isfinite(y)):
-        return -1 if p.positive else NOT_POSITIVE, np.nan, np.nan, np.nan, np.nan, np.nan, False
-    reach = radius if radius >= 0 else _reach(c, gate)
+        return _nowhere(-1 if p.positive else NOT_POSITIVE)
     best, best_d2, best_forward = -1, gate * gate, False
-    first, last, low, high = cells_around(grid, x, y, reach)
-    for row in range(low, high + 1):
-        begin = grid.start[row * grid.columns + first]
-        end = grid.start[row * grid.columns + last + 1]
-        for k in range(begin, end):
-            s = grid.items[k]
-            _, px, py = project_point(grid.x0[s], grid.y0[s], grid.x1[s], grid.y1[s], x, y)
-            dx, dy = px - x, py - y
-            if dx * dx + dy * dy > reach * reach:
-                continue
-            d2 = p.xx * dx * dx + 2 * p.xy * dx * dy + p.yy * dy * dy
-            added, forward = _best_direction(grid, s, heading, p.xh * dx + p.yh * dy, p.hh)
-            d2 += added
-            if d2 < best_d2 or (d2 == best_d2 and (best < 0 or s < best)):
-                best, best_d2, best_forward = s, d2, forward
+    for s in segments_within(grid, x, y, _reach(c, gate)):
+        _, px, py = project_point(grid.x0[s], grid.y0[s], grid.x1[s], grid.y1[s], x, y)
+        dx, dy = px - x, py - y
+        d2 = p.xx * dx * dx + 2 * p.xy * dx * dy + p.yy * dy * dy
+        added, forward = _best_direction(grid, s, heading, p.xh * dx + p.yh * dy, p.hh)
+        d2 += added
+        if d2 < best_d2 or (d2 == best_d2 and best < 0):
+            best, best_d2, best_forward = s, d2, forward
     if best < 0:
-        return -1, np.nan, np.nan, np.nan, np.nan, np.nan, False
+        return _nowhere(-1)
     share, px, py = project_point(grid.x0[best], grid.y0[best], grid.x1[best], grid.y1[best], x, y)
     length = np.hypot(grid.x1[best] - grid.x0[best], grid.y1[best] - grid.y0[best])
     angle = _direction(grid, best, best_forward)
-    return best, px, py, share * length, angle, np.sqrt(max(best_d2, 0.0)), best_forward
+    return PointMatch(best, px, py, share * length, angle, np.sqrt(max(best_d2, 0.0)), best_forward)
+
+
+@compiled
+def _nowhere(segment: int) -> PointMatch:
+    return PointMatch(segment, np.nan, np.nan, np.nan, np.nan, np.nan, False)
 
 
 @compiled
 def nearest_segments(
-    grid: SegmentGrid, x: Floats, y: Floats, heading: Floats, c: Floats, gate: float, radius: float
+    grid: SegmentGrid, x: Floats, y: Floats, heading: Floats, c: Floats, gate: float
 ) -> tuple[Ints, Floats, NDArray[np.bool_]]:
     """``nearest_segment`` of n positions: segments, the five columns of numbers (5, n), whether forward."""
     n = len(x)
     segment, columns, forward = np.empty(n, np.int64), np.empty((5, n)), np.empty(n, np.bool_)
     for i in range(n):
-        m = nearest_segment(grid, x[i], y[i], heading[i], c[i], gate, radius)
-        segment[i], forward[i] = m[0], m[6]
-        columns[0, i], columns[1, i], columns[2, i] = m[1], m[2], m[3]
-        columns[3, i], columns[4, i] = m[4], m[5]
+        match = nearest_segment(grid, x[i], y[i], heading[i], c[i], gate)
+        segment[i], columns[:, i], forward[i] = match.segment, match[1:6], match.forward
     return segment, columns, forward
 
 

@@ -83,21 +83,10 @@ class Topological(PointMatcher):
             rows = samples.known()
             s = samples.take(rows)
             places = roads.places(s, self.radius_m, self.sigma_m, self.turn, self.turn_cap)
-            chosen = _follow(
-                roads.graph,
-                places,
-                s.time_s,
-                s.x_m,
-                s.y_m,
-                Reach.of(roads.graph),
-                Reach.of(roads.graph),
-                rules,
-            )
-            edge = np.full(len(s), _NONE, np.int64)
-            at = np.full(len(s), np.nan)
-            on = chosen != _NONE
-            edge[on], at[on] = places.edge[chosen[on]], places.at_m[chosen[on]]
-            return roads.matches(len(samples), rows, edge, at)
+            ahead, behind = Reach.of(roads.graph), Reach.of(roads.graph)
+            chosen = _follow(roads.graph, places, s.time_s, s.x_m, s.y_m, ahead, behind, rules)
+            rows, chosen = rows[chosen != _NONE], chosen[chosen != _NONE]
+            return roads.matches(len(samples), rows, places.edge[chosen], places.at_m[chosen])
 
         return found
 

@@ -69,18 +69,12 @@ def process_noise_rates(options: NineStateOptions) -> Floats:
 
 
 @compiled
-def fix_fits(
-    fix: tuple[float, float, float],
-    fix_sigma: tuple[float, float],
-    state: Floats,
-    spread: tuple[float, float],
-    dt_s: float,
-) -> bool:
+def fix_fits(fix: Floats, fix_sigma: Floats, state: Floats, spread: tuple[float, float], dt_s: float) -> bool:
     """Whether a fix can be where the vehicle is by now.
 
-    ``fix`` is (x, y, altitude or NaN), metres, with its horizontal and vertical sigmas; ``state`` (9,) and ``spread``
-    (horizontal, vertical) are the estimate of ``dt_s`` seconds ago. The vehicle may have accelerated by 6 m/s2 in the
-    plane and 2 m/s2 upwards since.
+    ``fix`` (3,) is x, y, altitude or NaN, metres, and ``fix_sigma`` (2,) its horizontal and vertical sigma; ``state``
+    (9,) and ``spread`` (horizontal, vertical) are the estimate of ``dt_s`` seconds ago. The vehicle may have
+    accelerated by 6 m/s2 in the plane and 2 m/s2 upwards since.
     """
     x, y = state[X] + state[VX] * dt_s, state[Y] + state[VY] * dt_s
     gate = _OUTLIER_SIGMAS * math.hypot(fix_sigma[0], spread[0]) + 3.0 * dt_s * dt_s

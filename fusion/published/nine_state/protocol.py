@@ -107,7 +107,7 @@ class EpochRows(NamedTuple):
 
     ``done`` marks epochs that were filtered: at the others nothing counts. ``start`` marks those where the estimate
     begins anew, ``ground`` those that the terrain corrected, ``outlier`` fixes that can't be where the vehicle was.
-    ``segment`` is -1 without a match. ``n_eff`` and ``resampled`` are about clouds of particles.
+    ``segment`` is -1 without a match. The other columns are those of ``Estimate``.
     """
 
     done: Bools
@@ -133,12 +133,9 @@ class EpochRows(NamedTuple):
 
     def put(self, e: int, estimate: Estimate, segment: int) -> None:
         """Record the estimate at epoch ``e``."""
-        self.done[e] = True
-        self.resampled[e], self.n_eff[e] = estimate.resampled, estimate.n_eff
-        self.state[e], self.heading_rad[e] = estimate.state, estimate.heading_rad
-        self.pitch_rad[e], self.pitch_sigma_rad[e] = estimate.pitch_rad, estimate.pitch_sigma_rad
-        self.h_sigma_m[e], self.z_sigma_m[e] = estimate.h_sigma_m, estimate.z_sigma_m
-        self.segment[e] = segment
+        self.done[e], self.segment[e] = True, segment
+        for name, value in vars(estimate).items():
+            getattr(self, name)[e] = value
 
     def track(self, epochs: Epochs, network: RoadNetwork, antenna_m: float) -> Track:
         """The filtered epochs; raises ``MissingSensorError`` where there is none."""

@@ -7,6 +7,7 @@ What surrounds the vehicle comes first, as filters look at it: the nearest road,
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,9 +32,8 @@ from fusion.terrain.dem import Dem
 from fusion.terrain.windows import WINDOWS, HeightModel
 from fusion.types import Floats, Progress, Track
 
-_LEAST_OFFSET_M = (
-    10.0  # a smaller difference is error, not another datum: geoids lie tens of metres off the ellipsoid
-)
+# A smaller difference is error, not another datum: geoids lie tens of metres off the ellipsoid.
+_LEAST_OFFSET_M = 10.0
 
 
 class Roads:
@@ -123,26 +123,50 @@ def _datum_offset(epochs: Epochs, network: RoadNetwork, dem: Dem, antenna_m: flo
 
 
 @dataclass
-class DriveRun:
-    """One drive going through ``engine``: ``run`` once, then ``track`` and ``report``.
+class FilterRun(ABC):
+    """One drive going through a filter over the nine states: ``run`` once, then ``track`` and ``report``.
 
-    ``terrain`` None leaves the elevation model out. With ``map_in_outages_only`` the road corrects the estimate only
-    where there is no GNSS; it is matched at every epoch all the same, since slopes belong to segments. ``roads`` None
-    matches by the options.
+    ``terrain`` None leaves the elevation model out.
     """
 
     epochs: Epochs
     network: RoadNetwork
-    engine: EpochFilter
     options: NineStateOptions
     sensors: Sensors
-    terrain: Terrain | None = None
-    map_in_outages_only: bool = False
-    roads: Roads | None = None
+    terrain: Terrain | None
     rows: EpochRows = field(init=False)
 
     def __post_init__(self) -> None:
         self.rows = EpochRows.blank(len(self.epochs))
+
+    @abstractmethod
+    def run(self, progress: Progress) -> None:
+        """Process every epoch in order."""
+
+    def track(self) -> Track:
+        """The filtered epochs; raises ``MissingSensorError`` where there is none."""
+        return self.rows.track(self.epochs, self.network, self.options.antenna_height_m)
+
+    def report(self) -> dict[str, object]:
+        """What the run says about itself, JSON-serialisable."""
+        terrain = {} if self.terrain is None else self.terrain.report()
+        return {**self.rows.report(self.epochs), **terrain}
+
+
+@dataclass
+class DriveRun(FilterRun):
+    """One drive going through ``engine``.
+
+    With ``map_in_outages_only`` the road corrects the estimate only where there is no GNSS; it is matched at every
+    epoch all the same, since slopes belong to segments. ``roads`` None matches by the options.
+    """
+
+    engine: EpochFilter
+    map_in_outages_only: bool = False
+    roads: Roads | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._roads = self.roads or Roads(self.network, self.options)
         self._last: Estimate | None = None
         self._rejected = 0
@@ -201,15 +225,12 @@ class DriveRun:
         ep, last = self.epochs, self._last
         if last is None or not ep.has_gnss[e]:
             return False  # a new state holds its fix already
-        fix = float(ep.x_m[e]), float(ep.y_m[e]), float(ep.alt_m[e])
+        fix = np.array([ep.x_m[e], ep.y_m[e], ep.alt_m[e]])
         spread, dt = (last.h_sigma_m, last.z_sigma_m), float(ep.time_s[e] - ep.time_s[e - 1])
-        fits = fix_fits(fix, self.sensors.gnss_sigmas(e), last.state, spread, dt)
-        if fits:
-            self._rejected = 0
-            return True
-        self._rejected += 1
-        self.rows.outlier[e] = True
-        return False
+        fits = fix_fits(fix, self.sensors.columns.fix_sigma[e], last.state, spread, dt)
+        self._rejected = 0 if fits else self._rejected + 1
+        self.rows.outlier[e] = not fits
+        return fits
 
     def _ground(self, match: PointMatch | None, predicted: PredictedMap) -> float | None:
         if self.terrain is None or match is None:
@@ -220,12 +241,3 @@ class DriveRun:
         if self.terrain is None or not self.epochs.has_gnss[e]:
             return math.nan
         return float(self.terrain.below(self.epochs.x_m[[e]], self.epochs.y_m[[e]])[0])
-
-    def track(self) -> Track:
-        """The filtered epochs; raises ``MissingSensorError`` where there is none."""
-        return self.rows.track(self.epochs, self.network, self.options.antenna_height_m)
-
-    def report(self) -> dict[str, object]:
-        """What the run says about itself, JSON-serialisable."""
-        terrain = {} if self.terrain is None else self.terrain.report()
-        return {**self.rows.report(self.epochs), **terrain}

@@ -92,11 +92,6 @@ class Sensors:
             start_sigma,
         )
 
-    def gnss_sigmas(self, e: int) -> tuple[float, float]:
-        """Per-axis horizontal and vertical sigma of the fix at epoch ``e``, m."""
-        h, v = self.columns.fix_sigma[e].tolist()
-        return h, v
-
     def at(self, e: int, dt_s: float, *, use_fix: bool, moving: bool) -> Measurement:
         """Everything measured at epoch ``e``, ``dt_s`` after the one before.
 

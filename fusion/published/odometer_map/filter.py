@@ -37,7 +37,7 @@ class OdometerMapFilter:
     def __init__(self, options: OdometerMapOptions) -> None:
         self._options = options
         self._odometry = Odometry(options)
-        self.counts = dict.fromkeys(("gnss", "wheels", "speed", "map", "open_loop"), 0)
+        self.counts = dict.fromkeys(("gnss", "wheel", "speed", "map", "open_loop"), 0)
         self.blind = {"turns": 0, "everything": 0}
         self._wheels: tuple[Floats, Floats] = np.zeros(2), self._odometry.scale_covariance
         self._bridging = self._backwards = False
@@ -86,7 +86,7 @@ class OdometerMapFilter:
             self._look_behind(self._odometry.way_m(*turned), mean[BEFORE])
             read = self._odometry.rotations(mean, dt_s, *turned, self._heading)
             self._heading = self._odometry.turned(self._heading, *turned)
-            self.counts["wheels"] += 1
+            self.counts["wheel"] += 1
         elif reading is not None and math.isfinite(reading.speed_mps):
             self._heading = self._heading.after_way(reading.speed_mps * dt_s)
             read = self._odometry.speed(mean, reading.speed_mps, self._heading)

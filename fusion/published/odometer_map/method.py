@@ -122,7 +122,7 @@ def prepare(
     )
     engine = OdometerMapFilter(options)
     roads = NearRoads(network, options)
-    return DriveRun(epochs, network, engine, options, sensors, terrain, paper, roads), engine
+    return DriveRun(epochs, network, options, sensors, terrain, engine, paper, roads), engine
 
 
 def without_waiting(epochs: Epochs) -> Epochs:
@@ -171,8 +171,8 @@ class NearRoads(Roads):
         d = math.sqrt(float(square[best]))
         if d > o.match_gate:
             return None
-        return replace(
-            exact, x_m=float(x[best]), y_m=float(y[best]), distance_m=float(along[best]), mahalanobis=d
+        return exact._replace(
+            x_m=float(x[best]), y_m=float(y[best]), distance_m=float(along[best]), mahalanobis=d
         )
 
     def _points(self, segment: int) -> tuple[Floats, Floats, Floats]:
@@ -203,15 +203,11 @@ def _for_slopes(run: DriveRun, track: Track, shares: ErrorShares) -> Track:
 
 
 def _own_report(run: DriveRun, engine: OdometerMapFilter, options: OdometerMapOptions) -> dict[str, object]:
-    counts, (factor, sigma) = engine.counts, engine.scale
+    factor, sigma = engine.scale
     return {
         "policy": options.policy,
         "match_gate": options.match_gate,
-        "gnss_epochs": counts["gnss"],
-        "wheel_epochs": counts["wheels"],
-        "speed_epochs": counts["speed"],
-        "map_epochs": counts["map"],
-        "open_loop_epochs": counts["open_loop"],
+        **{f"{sensor}_epochs": count for sensor, count in engine.counts.items()},
         "wheel_scale": factor,
         "wheel_scale_sigma": sigma,
         "warnings": _outage_warnings(engine),

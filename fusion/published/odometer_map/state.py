@@ -33,9 +33,8 @@ AFTER = [VX, VY]
 _LONGEST_STEP_S = 1.1  # the paper's second, and some jitter: a longer step is taken in several
 
 _VAGUE_RAD = 0.5  # beyond this sigma a heading counts as unknown
-_LEAST_SIGMA_RAD = (
-    0.02  # a direction of travel gives the nose no better than this, however sure the velocity is
-)
+# A direction of travel gives the nose no better than this, however sure the velocity is.
+_LEAST_SIGMA_RAD = 0.02
 _BEND_PER_M = 0.05  # one sigma of how far an unmeasured way may turn: bends of 20 m radius
 
 

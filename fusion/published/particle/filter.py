@@ -42,9 +42,8 @@ class ParticleCloud:
         self._ancestors = _NONE
         self._q_per_s = process_noise_rates(o)
         self._resample, self._trigger = RESAMPLERS[o.resampling], TRIGGERS[o.resampling_trigger]
-        self._threshold = (
-            self._trigger.default_threshold if o.trigger_threshold is None else o.trigger_threshold
-        )
+        chosen = o.trigger_threshold
+        self._threshold = self._trigger.default_threshold if chosen is None else chosen
 
     def restart(self, mean: Floats, sigma: Floats) -> None:
         """Draw a new cloud around ``mean`` (9,) with standard deviations ``sigma`` (9,)."""

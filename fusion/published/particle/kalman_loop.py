@@ -60,14 +60,17 @@ class EpochInputs(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """The options as numbers; ``process_noise`` (9,) are variances per second. ``linear``: the Kalman filter."""
+    """What the loop goes by. ``linear``: the Kalman filter; ``process_noise`` (9,) are variances per second.
+
+    ``half_rate`` is ``motion.half_rate``, ``..._var_...`` are squares of options; all others are the options so called.
+    """
 
     linear: bool
     half_rate: float
     process_noise: Floats
     min_speed_mps: float
     match_gate: float
-    antenna_m: float
+    antenna_height_m: float
     map_var_m2: float
     map_var_rad2: float
     gnss_correlation_s: float
@@ -186,10 +189,8 @@ def _plausible(
     """Whether there is a fix that can be where the vehicle is by now."""
     if not drive.has_fix[e]:
         return False
-    fix = (drive.fix[e, 0], drive.fix[e, 1], drive.fix[e, 2])
-    sigma = (sensors.fix_sigma[e, 0], sensors.fix_sigma[e, 1])
     _, _, h_sigma, z_sigma = attitude_and_spreads(now.mean, now.covariance)
-    fits = fix_fits(fix, sigma, now.mean, (h_sigma, z_sigma), dt)
+    fits = fix_fits(drive.fix[e], sensors.fix_sigma[e], now.mean, (h_sigma, z_sigma), dt)
     now.flags[REJECTED] = 0 if fits else now.flags[REJECTED] + 1
     rows.outlier[e] = not fits
     return fits
@@ -221,13 +222,11 @@ def _match(grid: SegmentGrid, rules: Rules, now: Now) -> None:
     if now.flags[MOVING] == 0:
         heading = np.nan
     x, y = now.mean[X], now.mean[Y]
-    segment, road_x, road_y, _, direction, _, _ = nearest_segment(
-        grid, x, y, heading, covariance, rules.match_gate, -1.0
-    )
-    if segment == NOT_POSITIVE:
+    match = nearest_segment(grid, x, y, heading, covariance, rules.match_gate)
+    if match.segment == NOT_POSITIVE:
         raise ValueError("the covariance of a match must be finite and positive definite")
-    now.flags[SEGMENT] = segment
-    now.place[ROAD_X], now.place[ROAD_Y], now.place[ROAD_DIRECTION] = road_x, road_y, direction
+    now.flags[SEGMENT] = match.segment
+    now.place[ROAD_X], now.place[ROAD_Y], now.place[ROAD_DIRECTION] = match.x_m, match.y_m, match.heading_rad
     now.place[PREDICTED_X], now.place[PREDICTED_Y] = x, y
 
 
@@ -264,7 +263,7 @@ def _locate(rules: Rules, now: Now) -> None:
             turn = _wrapped(now.place[ROAD_DIRECTION] - heading)
             correct_scalar(mean, covariance, turn, row, rules.map_var_rad2)
     if np.isfinite(now.place[GROUND]):
-        height, row = ground_measurement(mean, rules.antenna_m)
+        height, row = ground_measurement(mean, rules.antenna_height_m)
         if rules.linear:
             # Only what is linear may enter: the antenna's height above the ground is taken as known.
             row[:] = 0.0
@@ -279,9 +278,8 @@ def _record(now: Now, rows: EpochRows, e: int) -> None:
     rows.ground[e] = np.isfinite(now.place[GROUND])
     rows.state[e] = now.mean
     rows.heading_rad[e] = math.atan2(now.mean[VY], now.mean[VX])
-    pitch, pitch_sigma, h_sigma, z_sigma = attitude_and_spreads(now.mean, now.covariance)
-    rows.pitch_rad[e], rows.pitch_sigma_rad[e] = pitch, pitch_sigma
-    rows.h_sigma_m[e], rows.z_sigma_m[e] = h_sigma, z_sigma
+    attitude = attitude_and_spreads(now.mean, now.covariance)
+    rows.pitch_rad[e], rows.pitch_sigma_rad[e], rows.h_sigma_m[e], rows.z_sigma_m[e] = attitude
     rows.segment[e] = now.flags[SEGMENT]
     now.flags[RUNNING] = now.flags[REJECTED] < OUTLIERS_BEFORE_RESTART
 

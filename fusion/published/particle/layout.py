@@ -27,11 +27,6 @@ LOGW, TURN, PITCH = STATES, STATES + 1, STATES + 2
 ROWS = STATES + 3
 CHUNK = ROWS * ROW
 
-# What the draw of one state needs: the measured value, the gain, the spread of the draw, and half the inverse variances
-# by which the measurement weighs the particle before and after it is drawn.
-D_Z, D_GAIN, D_SPREAD, D_BEFORE, D_AFTER = range(5)
-D_COLUMNS = 5
-
 # Columns of the sensing pass's sums, over x, y and heading.
 A_LOGMAX, A_W, A_X, A_Y, A_T, A_XX, A_YY, A_TT, A_XY, A_XT, A_YT = range(11)
 A_COLUMNS = 11

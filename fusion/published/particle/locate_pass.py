@@ -1,7 +1,8 @@
 """Second of the two compiled passes over the particles of an epoch: weigh by map and terrain, and estimate.
 
 It is ``EpochFilter.locate``, after ``sense_pass`` and the map match between them. It gathers the moments of the
-estimate and, where the cloud is to be resampled, the weights. It moves no particle.
+estimate and, where the cloud is to be resampled, the weights. It moves no particle. Sums are written in the order of
+``layout``'s columns.
 """
 
 from __future__ import annotations
@@ -21,25 +22,7 @@ from fusion.filters.single_precision import (
     rank_of,
 )
 from fusion.published.nine_state.motion import AX, AY, AZ, STEEPEST_RAD, VX, VY, VZ, X, Y, Z
-from fusion.published.particle.layout import (
-    B_COS,
-    B_LOGMAX,
-    B_PITCH,
-    B_PITCH2,
-    B_SIN,
-    B_STATE,
-    B_W,
-    B_WLOGW,
-    B_WW,
-    B_XX,
-    B_YY,
-    B_ZZ,
-    BLOCK,
-    LOGW,
-    PITCH,
-    ROW,
-    TURN,
-)
+from fusion.published.particle.layout import B_XX, BLOCK, LOGW, PITCH, ROW, TURN
 from fusion.types import Floats
 
 _ZERO, _TINY = Single(0.0), Single(1e-12)
@@ -133,8 +116,7 @@ def _attitude_moments(chunk: Singles, n: int, top: Single, row: Floats) -> None:
         s_sin += over * vy
         s_p += wp
         s_pp += wp * pitch
-    row[B_LOGMAX], row[B_W], row[B_WW], row[B_WLOGW] = top, s_w, s_ww, s_wl
-    row[B_COS], row[B_SIN], row[B_PITCH], row[B_PITCH2] = s_cos, s_sin, s_p, s_pp
+    row[:B_XX] = top, s_w, s_ww, s_wl, s_cos, s_sin, s_p, s_pp
 
 
 @compiled_vector
@@ -157,10 +139,7 @@ def _state_moments(chunk: Singles, n: int, top: Single, row: Floats) -> None:
         s_xx += wx * x
         s_yy += wy * y
         s_zz += wz * z
-    row[B_STATE + AX], row[B_STATE + VX], row[B_STATE + X] = s_ax, s_vx, s_x
-    row[B_STATE + AY], row[B_STATE + VY], row[B_STATE + Y] = s_ay, s_vy, s_y
-    row[B_STATE + AZ], row[B_STATE + VZ], row[B_STATE + Z] = s_az, s_vz, s_z
-    row[B_XX], row[B_YY], row[B_ZZ] = s_xx, s_yy, s_zz
+    row[B_XX:] = s_xx, s_yy, s_zz, s_ax, s_vx, s_x, s_ay, s_vy, s_y, s_az, s_vz, s_z
 
 
 @compiled_vector

@@ -11,18 +11,18 @@ from __future__ import annotations
 import math
 import threading
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fusion.errors import MissingSensorError
 from fusion.methods.base import DriveResult
-from fusion.published.epochs.levelling import MountPitch, estimate_mount, mount_report
+from fusion.published.epochs.levelling import MountPitch, estimate_mount, mount_report, unknown_mount
 from fusion.published.epochs.line import ErrorShares, line_slopes
-from fusion.published.epochs.table import Epochs, build_epochs
+from fusion.published.epochs.table import build_epochs
 from fusion.published.nine_state.motion import half_rate, process_noise_rates
-from fusion.published.nine_state.protocol import EpochRows
-from fusion.published.nine_state.run import DriveRun, Terrain
+from fusion.published.nine_state.run import DriveRun, FilterRun, Terrain
 from fusion.published.nine_state.sensors import Sensors
 from fusion.published.particle import kalman_loop as loop
 from fusion.published.particle.filter import ParticleCloud
@@ -31,14 +31,13 @@ from fusion.published.threads import at_most_threads
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.terrain.plane import PlaneModel
-from fusion.types import DriveLog, Floats, Progress, Track
+from fusion.types import DriveLog, Floats, Progress
 
 # numba's portable threading layer aborts the process when two threads enter parallel loops at once.
 _PARALLEL = threading.Lock()
 
-_PARTICLES_PER_THREAD = (
-    10_000  # at least; `benchmarks/particle_speed.py` shows the time by number of particles
-)
+# At least; `benchmarks/particle_speed.py` shows the time by number of particles.
+_PARTICLES_PER_THREAD = 10_000
 
 _WINDOWS = {"ch2": "tin", "ch3": "adjacent"}
 
@@ -99,7 +98,7 @@ def threads_for(particles: int) -> AbstractContextManager[None]:
 
 def prepare(
     log: DriveLog, network: RoadNetwork, dem: Dem | None, options: ParticleOptions
-) -> tuple[DriveRun | KalmanRun, MountPitch | None]:
+) -> tuple[FilterRun, MountPitch | None]:
     """The run of a drive through the filter, and the tilt of the pitch sensor (None where no pitch is used).
 
     Chapter 2 has no pitch, and the Kalman filter takes none, for it is not linear in the state.
@@ -114,34 +113,23 @@ def prepare(
         )
     mount = None
     if options.variant == "ch3" and options.filter != "kf":
-        mount = estimate_mount(epochs) if options.level_pitch else MountPitch(0.0, np.inf, "off")
+        mount = estimate_mount(epochs) if options.level_pitch else unknown_mount("off")
     window = options.dem_window or _WINDOWS[options.variant]
     terrain = (
         None if dem is None else Terrain(dem, window, network, epochs, options, options.antenna_height_m)
     )
     sensors = Sensors(epochs, options, options, mount)
     if options.filter == "sir":
-        return DriveRun(epochs, network, ParticleCloud(options), options, sensors, terrain), mount
+        return DriveRun(epochs, network, options, sensors, terrain, ParticleCloud(options)), mount
     return KalmanRun(epochs, network, options, sensors, terrain, linear=options.filter == "kf"), mount
 
 
 @dataclass
-class KalmanRun:
-    """What ``DriveRun`` is to engines, for filters small enough to be compiled whole: ``linear`` or extended.
+class KalmanRun(FilterRun):
+    """What ``DriveRun`` is to engines, for filters small enough to be compiled whole: ``linear`` or extended."""
 
-    ``run`` once, then ``track`` and ``report``.
-    """
-
-    epochs: Epochs
-    network: RoadNetwork
     options: ParticleOptions
-    sensors: Sensors
-    terrain: Terrain | None
     linear: bool
-    rows: EpochRows = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.rows = EpochRows.blank(len(self.epochs))
 
     def run(self, progress: Progress) -> None:
         """Process every epoch in order."""
@@ -152,15 +140,6 @@ class KalmanRun:
             e = loop.advance(drive, self.sensors.columns, rules, self.network.grid, planes, self.rows, now, e)
             if e < len(self.epochs) and self.terrain is not None:
                 _look(self.terrain, planes, now)
-
-    def track(self) -> Track:
-        """The filtered epochs; raises ``MissingSensorError`` where there is none."""
-        return self.rows.track(self.epochs, self.network, self.options.antenna_height_m)
-
-    def report(self) -> dict[str, object]:
-        """What the run says about itself, JSON-serialisable."""
-        terrain = {} if self.terrain is None else self.terrain.report()
-        return {**self.rows.report(self.epochs), **terrain}
 
     def _drive(self) -> loop.EpochInputs:
         ep = self.epochs
@@ -180,21 +159,17 @@ class KalmanRun:
 
     def _rules(self) -> loop.Rules:
         o = self.options
-        return loop.Rules(
-            linear=self.linear,
-            half_rate=half_rate(o),
-            process_noise=process_noise_rates(o),
-            min_speed_mps=o.min_speed_mps,
-            match_gate=o.match_gate,
-            antenna_m=o.antenna_height_m,
-            map_var_m2=o.map_sigma_m**2,
-            map_var_rad2=o.map_sigma_rad**2,
-            gnss_correlation_s=o.gnss_correlation_s,
-            pitch_var_rad2=o.pitch_sigma_rad**2,
-            pitch_correlation_s=o.pitch_correlation_s,
-            dem_var_m2=o.dem_sigma_m**2,
-            dem_correlation_m=o.dem_correlation_m,
-        )
+        made: dict[str, Any] = {
+            "linear": self.linear,
+            "half_rate": half_rate(o),
+            "process_noise": process_noise_rates(o),
+            "map_var_m2": o.map_sigma_m**2,
+            "map_var_rad2": o.map_sigma_rad**2,
+            "pitch_var_rad2": o.pitch_sigma_rad**2,
+            "dem_var_m2": o.dem_sigma_m**2,
+        }
+        named = {name: getattr(o, name) for name in loop.Rules._fields if name not in made}
+        return loop.Rules(**made, **named)
 
     def _planes(self) -> loop.Planes:
         n = len(self.network)

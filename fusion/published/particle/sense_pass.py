@@ -25,31 +25,7 @@ from fusion.filters.single_precision import (
     rank_of,
 )
 from fusion.published.nine_state.motion import STATES, VX, VY, VZ, X, Y
-from fusion.published.particle.layout import (
-    A_LOGMAX,
-    A_T,
-    A_TT,
-    A_W,
-    A_X,
-    A_XT,
-    A_XX,
-    A_XY,
-    A_Y,
-    A_YT,
-    A_YY,
-    BLOCK,
-    CHUNK,
-    D_AFTER,
-    D_BEFORE,
-    D_COLUMNS,
-    D_GAIN,
-    D_SPREAD,
-    D_Z,
-    LOGW,
-    PITCH,
-    ROW,
-    TURN,
-)
+from fusion.published.particle.layout import BLOCK, CHUNK, LOGW, PITCH, ROW, TURN
 from fusion.types import Floats, Ints
 
 _ZERO, _TINY = Single(0.0), Single(1e-12)
@@ -133,15 +109,17 @@ def _importance_density(q: Floats, z: Floats, inv_var: Floats, origin: Floats, o
     its likelihood. With the optimal one (Doucet 1998, closed here because noise and measurement are diagonal and
     Gaussian) the draw uses the measurement and the weight is its predictive density: the same posterior from a
     cloud that collapses far less. ``q`` (9,) are process variances; ``inv_var`` 0 leaves a measurement out.
+
+    The columns are the measured value, the gain, the spread of the draw, and half the inverse variances by which the
+    measurement weighs the particle before and after it is drawn.
     """
-    draws = np.zeros((STATES, D_COLUMNS), np.float32)
+    draws = np.zeros((STATES, 5), np.float32)
     for k in range(STATES):
+        measured = z[k] - origin[k] if inv_var[k] > 0.0 else 0.0
         gain = q[k] * inv_var[k] / (1.0 + q[k] * inv_var[k]) if optimal else 0.0
-        draws[k, D_Z] = z[k] - origin[k] if inv_var[k] > 0.0 else 0.0
-        draws[k, D_GAIN] = gain
-        draws[k, D_SPREAD] = math.sqrt(q[k] * (1.0 - gain))
-        draws[k, D_BEFORE] = 0.5 * inv_var[k] / (1.0 + q[k] * inv_var[k]) if optimal else 0.0
-        draws[k, D_AFTER] = 0.0 if optimal else 0.5 * inv_var[k]
+        before = 0.5 * inv_var[k] / (1.0 + q[k] * inv_var[k]) if optimal else 0.0
+        after = 0.0 if optimal else 0.5 * inv_var[k]
+        draws[k] = measured, gain, math.sqrt(q[k] * (1.0 - gain)), before, after
     return draws
 
 
@@ -208,7 +186,7 @@ def _move_axis(
 def _law(draws: Singles, state: int) -> _Law:
     """One row of ``draws`` as scalars: elements of an array would be loaded anew for each particle."""
     row = draws[state]
-    return row[D_Z], row[D_GAIN], row[D_SPREAD], row[D_BEFORE], row[D_AFTER]
+    return row[0], row[1], row[2], row[3], row[4]
 
 
 @compiled_vector
@@ -247,7 +225,7 @@ def _weigh_pitch(
 
 @compiled_vector
 def _map_moments(chunk: Singles, n: int, top: Single, row: Floats) -> None:
-    """Weighted first and second moments of x, y and heading, for (2.26) and (2.30)."""
+    """Weighted first and second moments of x, y and heading, for (2.26) and (2.30), in ``layout``'s order."""
     s_w = s_x = s_y = s_t = s_xx = s_yy = s_tt = s_xy = s_xt = s_yt = _ZERO
     for i in range(min(n, BLOCK)):
         w = exp_negative(chunk[LOGW * ROW + i] - top)
@@ -263,6 +241,4 @@ def _map_moments(chunk: Singles, n: int, top: Single, row: Floats) -> None:
         s_xy += wx * y
         s_xt += wx * t
         s_yt += wy * t
-    row[A_LOGMAX], row[A_W], row[A_X], row[A_Y], row[A_T] = top, s_w, s_x, s_y, s_t
-    row[A_XX], row[A_YY], row[A_TT] = s_xx, s_yy, s_tt
-    row[A_XY], row[A_XT], row[A_YT] = s_xy, s_xt, s_yt
+    row[:] = top, s_w, s_x, s_y, s_t, s_xx, s_yy, s_tt, s_xy, s_xt, s_yt

@@ -40,8 +40,6 @@ NLOS_BASE = BaseMeasure(3000.0, 1.0, 5.0, 10.0, True)
 LOS_REAL = BaseMeasure(500.0, 0.1, 10.0, 1.0, False)
 """Table 3.11, but about 0. The print centres it on the residual: each satellite then explains its own
 innovation, and the filter runs free."""
-LOS_PRINTED = LOS_REAL._replace(follows=True)
-"""Table 3.11 as printed."""
 
 _VARIANCES_M2 = (1e-4, 1e4)  # an inverse chi-square of three degrees of freedom has no variance of its own
 
@@ -131,11 +129,8 @@ def draw_all(
 
     ``direct`` (r,) says which are in line of sight; ``centre_m`` (n, r) are the residuals.
     """
-    particles = urns.line.shape[1]
-    mean, variance = (
-        np.full((particles, len(satellites)), np.nan),
-        np.full((particles, len(satellites)), np.nan),
-    )
+    shape = (urns.line.shape[1], len(satellites))
+    mean, variance = np.full(shape, np.nan), np.full(shape, np.nan)
     for j in range(len(satellites)):
         if not np.isfinite(centre_m[0, j]):
             continue
@@ -153,7 +148,7 @@ def draw_all(
 class DpmModel:
     """``particles`` as for Table 3.10; resampled where fewer than ``eta`` x particles count; ``memory`` in epochs.
 
-    The thesis remembers all of its 594 epochs. ``noise_m2`` is added to what a residual may differ by.
+    The thesis remembers all of its 594 epochs.
     """
 
     los: BaseMeasure = LOS_SIMULATED
@@ -161,7 +156,6 @@ class DpmModel:
     particles: int = 50
     eta: float = 0.7
     memory: int = 600
-    noise_m2: float = 0.0
     name = "dpm"
     source = "Viandier 2011, 3.3.4.2, 3.3.5, (3.19), (3.23), (3.24)"
     description = "Normals drawn from a Polya urn, whose base measure the reception state chooses."
@@ -183,11 +177,10 @@ class DpmModel:
             open_row(urns, row)
             draw_pairs(urns, row, 0, self.los if state == LOS else self.nlos, np.full(n, error_m), rng)
             means, spread = urns.mean_m[row, 0], urns.variance_m2[row, 0]
-            total = spread + self.noise_m2
-            log_weights -= 0.5 * ((error_m - means) ** 2 / total + np.log(total))
+            log_weights -= 0.5 * ((error_m - means) ** 2 / spread + np.log(spread))
             weights = normalised(log_weights)
             mean[t] = weights @ means
-            variance[t] = weights @ (total + (means - mean[t]) ** 2)
+            variance[t] = weights @ (spread + (means - mean[t]) ** 2)
             if 1.0 / (weights @ weights) < self.eta * n:
                 urns.resample(systematic(weights, seed, t))
                 log_weights[:] = 0.0

@@ -16,18 +16,18 @@ import numpy as np
 from pydantic import Field
 
 from fusion.compiled import compiled
-from fusion.gnss.measurements import Aids, Measurements, Solution
+from fusion.gnss.measurements import Measurements
 from fusion.gnss.reception import LOS, NLOS, PSEUDO_COUNT, WINDOW_S, smoothed, states_by_epoch
 from fusion.published.positioning.gmm import FLOOR_M2, fit, moments
 from fusion.published.positioning.gmm import start as spread_out
-from fusion.published.positioning.particles_bank import Bank, Model, StateOptions, Step, run
+from fusion.published.positioning.particles_bank import Bank, Model, ParticleSolver, StateOptions, Step
 from fusion.published.positioning.particles_each import (
     correct_each,
     log_normal_each,
     residuals_each,
     weigh_each,
 )
-from fusion.types import Floats, Ints, Progress
+from fusion.types import Floats, Ints
 
 YOUNG = 10
 """Residuals for each component that a window needs before a mixture is fitted to it; before, its moments serve."""
@@ -44,7 +44,7 @@ class JmsGmmOptions(StateOptions):
     """Added to each count of transitions."""
 
 
-class JmsGmm:
+class JmsGmm(ParticleSolver):
     """Windows of residuals, mixtures, and a chain of reception states."""
 
     name = "jms-gmm"
@@ -54,11 +54,9 @@ class JmsGmm:
     )
     options_model = JmsGmmOptions
 
-    def solve(
-        self, measured: Measurements, aids: Aids, options: JmsGmmOptions, seed: int, progress: Progress
-    ) -> Solution:
-        """Positions of all epochs from the first that can be solved; aids are not needed."""
-        return run(measured, _Model.of(measured, options), options, seed, progress)
+    def model(self, measured: Measurements, options: JmsGmmOptions) -> Model:
+        """Begin with empty windows."""
+        return _Model.of(measured, options)
 
 
 class Windows(NamedTuple):
@@ -80,7 +78,8 @@ class _Model(Model):
     state: Ints
     reflected: Floats
     windows: Windows
-    options: JmsGmmOptions
+    window_s: float
+    literal: bool
 
     @classmethod
     def of(cls, measured: Measurements, options: JmsGmmOptions) -> _Model:
@@ -99,11 +98,8 @@ class _Model(Model):
         )  # fmt: skip
         state = np.column_stack([chain.state for chain in chains])
         reflected = np.column_stack([chain.probability[:, NLOS] for chain in chains])
-        return cls(measured.time_s, state, reflected, windows, options)
-
-    def __post_init__(self) -> None:
-        self.literal = self.options.reading == "literal"
-        self.guarded = not self.literal
+        literal = options.reading == "literal"
+        return cls(measured.time_s, state, reflected, windows, options.window_s, literal)
 
     def predict(self, bank: Bank, step: Step) -> None:
         if self.literal:
@@ -115,7 +111,7 @@ class _Model(Model):
         residual = residuals_each(step.rows, step.epoch, step.mean[None])[0]
         direct = self.state[step.epoch, satellites] == LOS
         sign = -1.0 if self.literal else 1.0
-        now_s, oldest_s = self.time_s[step.epoch], self.time_s[step.epoch] - self.options.window_s
+        now_s, oldest_s = self.time_s[step.epoch], self.time_s[step.epoch] - self.window_s
         push(self.windows, satellites, sign * residual, now_s, oldest_s)
         stated = step.rows.variance_m2[step.part]
         if self.literal:

@@ -10,10 +10,10 @@ from typing import Literal
 
 import numpy as np
 
-from fusion.gnss.measurements import Aids, Measurements, Solution
-from fusion.published.positioning.particles_bank import Bank, Model, ParticleOptions, Step, run
+from fusion.gnss.measurements import Measurements
+from fusion.published.positioning.particles_bank import Bank, Model, ParticleOptions, ParticleSolver, Step
 from fusion.published.positioning.particles_each import correct_each, draw_each, weigh_each
-from fusion.types import Floats, Ints, Progress
+from fusion.types import Floats, Ints
 
 
 class ParticleFilterOptions(ParticleOptions):
@@ -25,7 +25,7 @@ class ParticleFilterOptions(ParticleOptions):
     """Draw particles apart after resampling (Algorithm 6)."""
 
 
-class ParticleFilter:
+class ParticleFilter(ParticleSolver):
     """Points that are moved, weighed and drawn again."""
 
     name = "pf"
@@ -35,17 +35,9 @@ class ParticleFilter:
     )
     options_model = ParticleFilterOptions
 
-    def solve(
-        self,
-        measured: Measurements,
-        aids: Aids,
-        options: ParticleFilterOptions,
-        seed: int,
-        progress: Progress,
-    ) -> Solution:
-        """Positions of all epochs from the first that can be solved; aids are not needed."""
-        model = (_Fpll if options.proposal == "fpll" else _Bootstrap)(options.regularised)
-        return run(measured, model, options, seed, progress)
+    def model(self, measured: Measurements, options: ParticleFilterOptions) -> Model:
+        """By the proposal."""
+        return (_Fpll if options.proposal == "fpll" else _Bootstrap)(options.regularised)
 
 
 @dataclass(frozen=True)
@@ -54,6 +46,7 @@ class _Bootstrap(Model):
 
     smooth: bool
     scattered = True
+    literal = False
 
     def predict(self, bank: Bank, step: Step) -> None:
         super().predict(bank, step)

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from fusion.filters.resampling import RESAMPLERS, normalised
 from fusion.gnss.error_models.one_sided import OneSidedModel
-from fusion.gnss.measurements import Measurements, Solution, SolverOptions
+from fusion.gnss.measurements import Aids, Measurements, Solution, SolverOptions
 from fusion.gnss.reception import THRESHOLDS_DBHZ
 from fusion.gnss.solvers.ekf import (
     FEWEST,
@@ -119,11 +119,11 @@ class Step:
 class Model(ABC):
     """What tells particle solvers apart. Particles that are ``scattered`` are points; else each keeps its covariance.
 
-    ``guarded``: particles are spread anew where an epoch contradicts all of them; a literal reading is left alone.
+    Particles are spread anew where an epoch contradicts all of them, but for a ``literal`` reading.
     """
 
     scattered = False
-    guarded = True
+    literal: bool
 
     def predict(self, bank: Bank, step: Step) -> None:
         """Move the particles to the epoch; called for epochs without satellites too."""
@@ -213,7 +213,7 @@ class _Round:
     def _correct(self, step: Step) -> Floats:
         mean, covariance, _ = self.bank.estimate()
         variance, usual = surprises(step.rows, step.epoch, mean, covariance, step.repeats)
-        if self.model.guarded and usual > SURPRISE**2:
+        if usual > SURPRISE**2 and not self.model.literal:
             # All particles are contradicted: points cannot find back by themselves, a Kalman filter widens and does.
             self._take(step, mean, covariance, True)
             self.since_s = 0.0
@@ -230,11 +230,26 @@ class _Round:
         self.model.resampled(bank, ancestors)
 
 
-def run(
+class ParticleSolver(ABC):
+    """A solver by particles; its model tells it from the others."""
+
+    @abstractmethod
+    def model(self, measured: Measurements, options: Any) -> Model:
+        """What epochs do to the particles of a drive."""
+
+    def solve(
+        self, measured: Measurements, aids: Aids, options: Any, seed: int, progress: Progress
+    ) -> Solution:
+        """Positions of all epochs from the first that can be solved; aids are not needed."""
+        return _run(measured, self.model(measured, options), options, seed, progress)
+
+
+def _run(
     measured: Measurements, model: Model, options: ParticleOptions, seed: int, progress: Progress
 ) -> Solution:
-    """Positions of all epochs from the first that can be solved."""
-    rows = rows_of(measured)
+    frame = Frame.around(measured)
+    # Rows have the variance that solvers of one law give pseudoranges (notes 6).
+    rows = frame.rows(measured, cn0_variance(measured.cn0_dbhz, measured.elevation_rad))
     n, count = states(measured), options.particles
     bank = Bank(np.zeros((count, n)), np.zeros((count, n, n)), np.zeros(count), np.random.default_rng(seed))
     names = len(measured.names)
@@ -261,12 +276,7 @@ def run(
             if k % 64 == 0:
                 progress("positioning", k / len(measured))
     progress("positioning", 1.0)
-    position, velocity, covariance = Frame.around(measured).to_ecef(means, covariances)
+    position, velocity, covariance = frame.to_ecef(means, covariances)
     return Solution(
         position, velocity, covariance, means[:, CLOCK], nlos, residual, predicted, {"restarts": restarts}
     )
-
-
-def rows_of(measured: Measurements) -> Rows:
-    """Rows in the local frame, with the variance that solvers of one law give pseudoranges (notes 6)."""
-    return Frame.around(measured).rows(measured, cn0_variance(measured.cn0_dbhz, measured.elevation_rad))

@@ -15,21 +15,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from fusion.gnss.measurements import Aids, Measurements, Solution
+from fusion.gnss.measurements import Measurements
 from fusion.gnss.reception import LOS, states_by_epoch
-from fusion.published.positioning.dpm import (
-    LOS_PRINTED,
-    LOS_REAL,
-    NLOS_BASE,
-    BaseMeasure,
-    Urns,
-    draw_all,
-    open_row,
-)
-from fusion.published.positioning.particles_bank import Bank, Model, StateOptions, Step, run
+from fusion.published.positioning.dpm import LOS_REAL, NLOS_BASE, BaseMeasure, Urns, draw_all, open_row
+from fusion.published.positioning.particles_bank import Bank, Model, ParticleSolver, StateOptions, Step
 from fusion.published.positioning.particles_each import correct_each, residuals_each
 from fusion.registry import RequestMost
-from fusion.types import Bools, Floats, Ints, Progress
+from fusion.types import Bools, Floats, Ints
 
 FEWEST_LOS = 6
 """Satellites that hold the position: a reflected one's law follows its own residual, and holds nothing (notes 6)."""
@@ -58,7 +50,7 @@ class RbpfDpmOptions(StateOptions):
     """Epochs that an urn remembers (the thesis: all of its 594)."""
 
 
-class RbpfDpm:
+class RbpfDpm(ParticleSolver):
     """A Polya urn for each satellite in each particle."""
 
     name = "rbpf-dpm"
@@ -68,11 +60,9 @@ class RbpfDpm:
     )
     options_model = RbpfDpmOptions
 
-    def solve(
-        self, measured: Measurements, aids: Aids, options: RbpfDpmOptions, seed: int, progress: Progress
-    ) -> Solution:
-        """Positions of all epochs from the first that can be solved; aids are not needed."""
-        return run(measured, _Model.of(measured, options), options, seed, progress)
+    def model(self, measured: Measurements, options: RbpfDpmOptions) -> Model:
+        """Begin with empty urns."""
+        return _Model.of(measured, options)
 
 
 @dataclass
@@ -89,18 +79,14 @@ class _Model(Model):
     @classmethod
     def of(cls, measured: Measurements, options: RbpfDpmOptions) -> _Model:
         o, literal = options, options.reading == "literal"
-        follows = literal and LOS_PRINTED.follows
         return cls(
             states_by_epoch(measured, o.threshold_dbhz),
             Urns.empty(min(o.memory, max(len(measured), 1)), len(measured.names), o.particles),
-            BaseMeasure(o.los_alpha, o.los_k, o.los_dof, o.los_scale_m2, follows),
+            BaseMeasure(o.los_alpha, o.los_k, o.los_dof, o.los_scale_m2, literal),
             BaseMeasure(o.nlos_alpha, o.nlos_k, o.nlos_dof, o.nlos_scale_m2, True),
             literal,
             measured.cn0_dbhz,
         )
-
-    def __post_init__(self) -> None:
-        self.guarded = not self.literal
 
     def correct(self, bank: Bank, step: Step, variance_m2: Floats) -> tuple[Floats, Floats]:
         satellites = step.rows.satellite[step.part]

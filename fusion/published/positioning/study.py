@@ -71,12 +71,11 @@ def study(measured: Measurements, solution: Solution) -> Study:
     known = np.isfinite(solution.residual_m)
     state = reception_states(measured, solution)
     parts = {name: known & (measured.satellite == k) for k, name in enumerate(measured.names)}
-    satellites = [_row(name, measured, solution, rows) for name, rows in parts.items() if rows.any()]
-    states = [
-        _row(name, measured, solution, known & (state == s))
-        for s, name in STATES.items()
-        if np.any(known & (state == s))
-    ]
+    by_state = {name: known & (state == s) for s, name in STATES.items()}
+    satellites, states = (
+        [_row(name, measured, solution, rows) for name, rows in some.items() if rows.any()]
+        for some in (parts, by_state)
+    )
     residual = solution.residual_m[known]
     spread = np.unique(np.linspace(0, len(residual) - 1, MOST_SAMPLES).astype(np.int64))
     laws = law_tests(residual[spread]) if len(residual) >= LEAST_SAMPLES else []

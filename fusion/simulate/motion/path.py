@@ -75,9 +75,17 @@ def draw_path(
 def _wander(xy: Floats, wander_m: float, rng: np.random.Generator) -> Floats:
     """Sideways displacement of a driver who does not keep the lane exactly, shape (n, 2)."""
     aside = wander_m * slow_noise(len(xy), _WANDER_LENGTH_M / STEP_M, rng)
-    along = np.gradient(xy, axis=0)
-    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-    return np.column_stack([along[:, 1], -along[:, 0]]) * aside[:, None]
+    return _to_the_right(np.gradient(xy, axis=0), aside)
+
+
+def _to_the_right(along: Floats, aside_m: Floats) -> Floats:
+    """Displacement (n, 2) by so much to the right of directions (n, 2)."""
+    along = along / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
+    return np.asarray(_right_of(along) * aside_m[:, None])
+
+
+def _right_of(along: Floats) -> Floats:
+    return np.column_stack([along[:, 1], -along[:, 0]])
 
 
 def slow_noise(count: int, width: float, rng: np.random.Generator) -> Floats:
@@ -94,7 +102,7 @@ def _straight_points(town: Town, route: Route, lane_m: float) -> tuple[Floats, I
     from_xy = np.column_stack([town.node_x_m[a], town.node_y_m[a]])
     to_xy = np.column_stack([town.node_x_m[b], town.node_y_m[b]])
     along = (to_xy - from_xy) / town.length_m[seg][:, None]
-    right = np.column_stack([along[:, 1], -along[:, 0]])
+    right = _right_of(along)
     lane = np.where(town.roads.oneway[seg] == 0, lane_m, 0.0)
     begin, finish, back = _corners(from_xy, to_xy, right, lane)
     count = np.maximum(2, np.ceil(town.length_m[seg] / STEP_M).astype(np.int64))
@@ -192,5 +200,4 @@ def _aside(town: Town, segment: Ints, line: Floats, lane_m: float) -> Floats:
     lane = np.where(town.roads.oneway[segment] == 0, lane_m, np.where(motorway, _MOTORWAY_LANE_M, 0.0))
     lane = gaussian_filter1d(lane, _CHANGE_LANE_M / STEP_M, mode="nearest")
     along = np.column_stack([gaussian_filter1d(np.gradient(line[:, k]), 3.0 / STEP_M) for k in range(2)])
-    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-    return np.asarray(lane[:, None] * np.column_stack([along[:, 1], -along[:, 0]]))
+    return _to_the_right(along, lane)

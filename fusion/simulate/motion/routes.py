@@ -29,6 +29,7 @@ CRUISE_MPS = {
     "track": 6.0,
 }
 """Free speed by road class."""
+MOTORWAYS = ["motorway", "motorway_link"]
 _SLOWDOWN_S = 1.5
 """Seconds that a segment costs beyond its length over its speed, on average (turns, stops)."""
 
@@ -157,5 +158,5 @@ def _next_leg(
 
 def structures(town: Town) -> NDArray[np.bool_]:
     """The segments every demonstration should show: bridges, tunnel, motorway, ramps, roundabouts."""
-    special = np.isin(town.roads.highway.astype(str), ["motorway", "motorway_link"])
+    special = np.isin(town.roads.highway.astype(str), MOTORWAYS)
     return np.asarray(special | town.roads.bridge | town.roads.tunnel)

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from fusion.simulate.motion.path import STEP_M, DrivenPath, draw_path, slow_noise
-from fusion.simulate.motion.routes import CRUISE_MPS, Route
+from fusion.simulate.motion.routes import CRUISE_MPS, MOTORWAYS, Route
 from fusion.simulate.scene.town import Town
 from fusion.types import Floats, Ints
 
@@ -201,8 +201,7 @@ def _stops(town: Town, route: Route, path: DrivenPath, chance: float, rng: np.ra
     arc = path.arc[last]
     node = np.where(route.forward, town.end[route.segment], town.start[route.segment])[arc]
     here, then = (town.roads.highway[route.segment[k]].astype(str) for k in (arc, path.arc[last + 1]))
-    through = np.isin(here, ["motorway", "motorway_link"]) | np.isin(then, ["motorway", "motorway_link"])
-    junction = (town.junction_degree[node] > 2) & ~through
+    junction = (town.junction_degree[node] > 2) & ~(np.isin(here, MOTORWAYS) | np.isin(then, MOTORWAYS))
     halt = junction & (rng.random(len(last)) < chance)
     return np.maximum(last[halt] - round(_BEFORE_JUNCTION_M / STEP_M), 1)
 

@@ -141,9 +141,8 @@ def observe_gnss(
         gauss_markov(n, interval_s, side, p.horizontal_s, rng) + p.horizontal_white_m * rng.normal(size=n)
         for _ in range(2)
     )
-    up = gauss_markov(n, interval_s, p.vertical_m, p.vertical_s, rng) + p.vertical_white_m * rng.normal(
-        size=n
-    )
+    up = gauss_markov(n, interval_s, p.vertical_m, p.vertical_s, rng)
+    up = up + p.vertical_white_m * rng.normal(size=n)
     sigma = np.array([p.doppler_mps, p.doppler_mps, p.doppler_vertical_mps])
     velocity = state.velocity_mps[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0])
     return GnssReadings(

@@ -42,17 +42,6 @@ class WheelSet:
         return 2 * np.pi / self.ticks_per_turn if self.ticks_per_turn else 0.0
 
 
-PERFECT_WHEELS = WheelSet(radius_error=0.0, slip=0.0, slip_each=0.0, ticks_per_turn=0)
-"""Wheels that roll without slip and are read without steps."""
-
-TEN_PERCENT_WHEELS = WheelSet(slip=0.1, slip_each=0.01)
-"""Lahrech et al. 2005 say that their odometers' "reliability was evaluated at 90 %", for slip and tyre pressure, and no
-more. Read here as an error of 10 % (one sigma) of what the wheels turn between two readings, common to both, which at
-10 m/s gives the speed error of about 1 m/s that they show; what the wheels do not share is a tenth of it. An error of
-10 % of each wheel on its own (``slip_each=0.1``) would be 0.9 rad of heading per second at that speed, and their
-odometers do detect turns."""
-
-
 @dataclass(frozen=True)
 class WheelReadings:
     """Cumulative rotation at the epochs, radians, forwards positive, and the radii that turned."""

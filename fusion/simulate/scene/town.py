@@ -169,11 +169,7 @@ def tabulated(seed: int, plan: Plan, terrain: Terrain, projection: LocalProjecti
     slope = regression_slope(height[cut.start], height[cut.end], cut.grade_start, cut.grade_end, length)
     return {
         "seed": seed,
-        "roads": cut.roads,
-        "start": cut.start,
-        "end": cut.end,
-        "grade_start": cut.grade_start,
-        "grade_end": cut.grade_end,
+        **vars(cut),
         "length_m": length,
         "true_slope_percent": 100 * slope,
         "node_id": node_ids(len(x)),

@@ -80,11 +80,9 @@ def write_truth(town: Town, path: Path, drives: Sequence[SimulatedDrive] | None 
     if drives is not None:
         passes = np.zeros(len(town.roads), np.int64)
         driven = np.zeros(len(town.roads))
-        for drive in drives:
-            for p in drive.passes():
-                if p.driven_m >= LEAST_DRIVEN_M:
-                    passes[p.segment] += 1
-                    driven[p.segment] = max(driven[p.segment], p.driven_m)
+        for p in (p for drive in drives for p in drive.passes() if p.driven_m >= LEAST_DRIVEN_M):
+            passes[p.segment] += 1
+            driven[p.segment] = max(driven[p.segment], p.driven_m)
     roads = town.roads
     with Path(path).open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file)

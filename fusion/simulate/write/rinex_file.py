@@ -40,8 +40,7 @@ _PROGRAM = "versant"
 
 def observations(signals: Signals) -> str:
     """The text of an observation file with pseudorange, Doppler and C/N0; what is NaN is left blank."""
-    lines = [_header(f"{'3.04':>9}{'':11}{'OBSERVATION DATA':20}{'M':20}", "RINEX VERSION / TYPE")]
-    lines.append(_header(f"{_PROGRAM:20}", "PGM / RUN BY / DATE"))
+    lines = _begin("OBSERVATION DATA", "M")
     for letter in (SYSTEMS[s] for s in np.unique(signals.system)):
         code = _SIGNAL.get(letter, "1C")
         lines.append(_header(f"{letter}    3 C{code} D{code} S{code}", "SYS / # / OBS TYPES"))
@@ -66,8 +65,7 @@ def observations(signals: Signals) -> str:
 
 def navigation(data: Navigation) -> str:
     """The text of a navigation file with all the ephemerides and the ionosphere."""
-    lines = [_header(f"{'3.04':>9}{'':11}{'N: GNSS NAV DATA':20}{'M: MIXED':20}", "RINEX VERSION / TYPE")]
-    lines.append(_header(f"{_PROGRAM:20}", "PGM / RUN BY / DATE"))
+    lines = _begin("N: GNSS NAV DATA", "M: MIXED")
     if data.klobuchar:
         for name, four in (("GPSA", data.klobuchar[:4]), ("GPSB", data.klobuchar[4:])):
             lines.append(_header(f"{name} " + "".join(f"{v:12.4E}" for v in four), "IONOSPHERIC CORR"))
@@ -76,6 +74,11 @@ def navigation(data: Navigation) -> str:
         lines += _kepler(data.kepler, row)
     lines += _glonass(data)
     return "\n".join(lines) + "\n"
+
+
+def _begin(kind: str, systems: str) -> list[str]:
+    version = f"{'3.04':>9}{'':11}{kind:20}{systems:20}"
+    return [_header(version, "RINEX VERSION / TYPE"), _header(f"{_PROGRAM:20}", "PGM / RUN BY / DATE")]
 
 
 def _header(content: str, label: str) -> str:
@@ -140,10 +143,8 @@ def _glonass(data: Navigation) -> Iterator[str]:
     table = data.glonass
     utc_s = unix_from_gps(table.toe_s) - GPS_EPOCH_S
     for k in range(len(table)):
-        axes = (
-            np.column_stack([table.position_m[k], table.velocity_mps[k], table.acceleration_mps2[k]]) / 1000.0
-        )
-        x, y, z = axes.tolist()
+        axes = np.column_stack([table.position_m[k], table.velocity_mps[k], table.acceleration_mps2[k]])
+        x, y, z = (axes / 1000.0).tolist()
         yield from _record(GLONASS, table.number[k], float(utc_s[k]), [
             table.clock_s[k], table.clock_rate[k], float(utc_s[k] % WEEK_S),
             *x, 0.0 if table.healthy[k] else float(_UNHEALTHY),

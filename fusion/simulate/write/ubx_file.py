@@ -20,13 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.formats.receiver.ubx_messages import TYPES
-from fusion.formats.receiver.ubx_raw import (
-    LEAP_KNOWN,
-    MEASUREMENT,
-    PSEUDORANGE_VALID,
-    RAWX,
-    SYSTEM_OF,
-)
+from fusion.formats.receiver.ubx_raw import LEAP_KNOWN, MEASUREMENT, PSEUDORANGE_VALID, RAWX, SYSTEM_OF
 from fusion.formats.receiver.ubx_subframes import SFRBX
 from fusion.signals import (
     CARRIER_HZ,

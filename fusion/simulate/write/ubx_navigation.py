@@ -39,6 +39,7 @@ _GALILEO_PAGE_S = _STRING_S = 2.0
 _TOE_STEP_S = {GPS: 16.0, QZSS: 16.0, GALILEO: 60.0, BEIDOU: 8.0}
 Part = tuple[float, NDArray[np.uint32]]
 """How long after its frame's beginning a part is over, and its words (n, words)."""
+Encode = Callable[[KeplerEphemerides, Floats], Iterator[Part]]
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,7 @@ def sendings(navigation: Navigation, signals: Signals) -> Iterator[Sending]:
     """All that is sent in the frames that touch the log, by each satellite that is measured in it."""
     kepler, states = navigation.kepler, navigation.glonass
     far = beidou.geostationary(kepler.number)
-    kinds: list[
-        tuple[int, int, Bools | bool, float, Callable[[KeplerEphemerides, Floats], Iterator[Part]]]
-    ] = [
+    kinds: list[tuple[int, int, Bools | bool, float, Encode]] = [
         (GPS, 0, True, 0.0, lnav_parts),
         (QZSS, 0, True, 0.0, lnav_parts),
         (GALILEO, 1, True, 0.0, inav_parts),
@@ -124,11 +123,8 @@ def _nearest_index(metres: Floats, table_m: Floats, unknown: int) -> Floats:
 
 
 def _fill(bits: Bits, layout: Layout, **values: float | Floats) -> None:
-    write(
-        bits,
-        layout,
-        {name: np.broadcast_to(value, len(bits)).astype(float) for name, value in values.items()},
-    )
+    columns = {name: np.broadcast_to(value, len(bits)).astype(float) for name, value in values.items()}
+    write(bits, layout, columns)
 
 
 def lnav_parts(records: KeplerEphemerides, begin_s: Floats) -> Iterator[Part]:

@@ -216,7 +216,7 @@ def test_over_a_drive_the_unscented_filter_is_the_extended_one(
     network = RoadNetwork.project(town.roads)
     run, _ = prepare(make_log(1, duration_s=200), network, town_dem, options)
     engine = UnscentedFilter(options, Unscented())
-    other = DriveRun(run.epochs, network, engine, options, run.sensors, run.terrain)
+    other = DriveRun(run.epochs, network, options, run.sensors, run.terrain, engine)
     for one in (run, other):
         one.run(no_progress)
     moving = np.hypot(run.rows.state[:, VX], run.rows.state[:, VY]) > 2.0

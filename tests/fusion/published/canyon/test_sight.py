@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fusion.gnss.reception import BLOCKED, LOS, NLOS
-from fusion.published.canyon.fronts import Fronts
+from fusion.published.canyon.fronts import NO_FRONTS, Fronts
 from fusion.published.canyon.sight import Sight, trace
 
 ANTENNA = np.array([[0.0, 0.0, 1.5]])
@@ -115,5 +115,5 @@ def test_the_rate_is_how_the_detour_changes() -> None:
 
 
 def test_without_fronts_all_is_direct() -> None:
-    sight = seen(Fronts.joined(()), np.array([5.0, 50.0]), np.array([10.0, 200.0]))
+    sight = seen(NO_FRONTS, np.array([5.0, 50.0]), np.array([10.0, 200.0]))
     assert sight.state.tolist() == [LOS, LOS]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.published.epochs.line import AltitudeErrors, LineRule, line_weights, passes, segment_slopes
+from fusion.published.epochs.line import AltitudeErrors, line_weights, passes, segment_slopes
 from fusion.types import Track
 
 
@@ -45,7 +45,7 @@ def white(sigma_m: float) -> Callable[..., np.ndarray]:
 )
 def test_a_straight_road_gives_its_slope_exactly(slope: float, offset: float, distance: list[float]) -> None:
     track = make_track([7] * len(distance), distance, [offset + slope * d for d in distance])
-    (found,) = segment_slopes(track, white(0.1), LineRule())
+    (found,) = segment_slopes(track, white(0.1))
     assert found.segment == 7
     assert found.slope_percent == pytest.approx(100 * slope, abs=1e-6)
     assert found.observations == len(distance)
@@ -55,23 +55,22 @@ def test_the_sign_is_the_ways_whichever_way_the_vehicle_went() -> None:
     up = make_track([1] * 5, [0, 10, 20, 30, 40], [100, 101, 102, 103, 104])
     back = make_track([1] * 5, [40, 30, 20, 10, 0], [104, 103, 102, 101, 100])
     for track in (up, back):
-        (found,) = segment_slopes(track, white(0.1), LineRule())
+        (found,) = segment_slopes(track, white(0.1))
         assert found.slope_percent == pytest.approx(10.0)
 
 
 def test_too_few_epochs_too_short_a_way_and_unknown_heights_give_nothing() -> None:
-    rule = LineRule(min_epochs=4, min_span_m=5)
-    assert segment_slopes(make_track([1] * 3, [0, 10, 20], [0, 1, 2]), white(1), rule) == ()
-    assert segment_slopes(make_track([1] * 6, [3, 3.1, 3, 3.2, 3, 3], [0] * 6), white(1), rule) == ()
-    assert segment_slopes(make_track([1] * 4, [0, 10, 20, 30], [0, np.nan, 2, 3]), white(1), rule) == ()
-    assert segment_slopes(make_track([-1] * 4, [np.nan] * 4, [0, 1, 2, 3]), white(1), rule) == ()
+    assert segment_slopes(make_track([1] * 3, [0, 10, 20], [0, 1, 2]), white(1)) == ()
+    assert segment_slopes(make_track([1] * 6, [3, 3.1, 3, 3.2, 3, 3], [0] * 6), white(1)) == ()
+    assert segment_slopes(make_track([1] * 4, [0, 10, 20, 30], [0, np.nan, 2, 3]), white(1)) == ()
+    assert segment_slopes(make_track([-1] * 4, [np.nan] * 4, [0, 1, 2, 3]), white(1)) == ()
 
 
 def test_two_passes_are_kept_apart_and_combined() -> None:
     segment = [1] * 4 + [2] * 2 + [1] * 4
     distance = [0, 10, 20, 30, 0, 5, 30, 20, 10, 0]
     altitude = [0, 1, 2, 3, 0, 0, 53, 52, 51, 50]  # another height offset on the way back
-    (found,) = segment_slopes(make_track(segment, distance, altitude), white(0.5), LineRule())
+    (found,) = segment_slopes(make_track(segment, distance, altitude), white(0.5))
     assert found.passes == 2
     assert found.observations == 8
     assert found.slope_percent == pytest.approx(10.0)
@@ -93,7 +92,7 @@ def test_no_line_is_drawn_across_a_new_start() -> None:
     """The estimate jumps by 20 m where the filter began anew: each side is a pass of its own."""
     track = make_track([1] * 8, [0, 10, 20, 30, 40, 50, 60, 70], [0, 1, 2, 3, 24, 25, 26, 27])
     track.after_outage[4] = True
-    (found,) = segment_slopes(track, white(0.5), LineRule())
+    (found,) = segment_slopes(track, white(0.5))
     assert found.passes == 2
     assert found.slope_percent == pytest.approx(10.0)
 
@@ -101,10 +100,10 @@ def test_no_line_is_drawn_across_a_new_start() -> None:
 def test_standing_epochs_and_impossible_slopes_are_left_out() -> None:
     standing = make_track([1] * 8, [0, 10, 20, 30, 30, 30, 30, 30], [0, 1, 2, 3, 9, 9, 9, 9])
     standing.speed_mps[4:] = 0.2
-    (found,) = segment_slopes(standing, white(0.5), LineRule())
+    (found,) = segment_slopes(standing, white(0.5))
     assert found.observations == 4
     assert found.slope_percent == pytest.approx(10.0)
-    assert segment_slopes(make_track([1] * 4, [0, 2, 4, 6], [0, 9, 18, 27]), white(0.5), LineRule()) == ()
+    assert segment_slopes(make_track([1] * 4, [0, 2, 4, 6], [0, 9, 18, 27]), white(0.5)) == ()
 
 
 def test_line_weights_are_those_of_an_independent_least_squares() -> None:

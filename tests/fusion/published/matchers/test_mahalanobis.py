@@ -35,11 +35,11 @@ def wrapped(angle: np.ndarray) -> np.ndarray:
 
 
 def all_distances(
-    network: RoadNetwork, x: float, y: float, heading: float, covariance: np.ndarray, radius: float
+    network: RoadNetwork, x: float, y: float, heading: float, covariance: np.ndarray
 ) -> np.ndarray:
-    """Mahalanobis distances, shape (n, 2): forward, backward; inf where not allowed or beyond the radius."""
+    """Mahalanobis distances, shape (n, 2): forward, backward; inf where not allowed."""
     s = np.arange(len(network))
-    px, py, _, offset = network.project_points(x, y, s)
+    px, py, _, _ = network.project_points(x, y, s)
     out = np.full((len(s), 2), np.inf)
     for turn in range(2):
         angle = wrapped(network.heading_rad + turn * np.pi - heading)
@@ -49,7 +49,7 @@ def all_distances(
         c = covariance[: z.shape[1], : z.shape[1]]
         d = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", z, np.linalg.inv(c), z), 0))
         allowed = network.table.oneway >= 0 if turn == 0 else network.table.oneway <= 0
-        out[:, turn] = np.where(allowed & (offset <= radius), d, np.inf)
+        out[:, turn] = np.where(allowed, d, np.inf)
     return out
 
 
@@ -69,7 +69,7 @@ def test_equals_a_search_over_all_segments(
     )
     network = make_network(ends, oneway)
     heading = heading if known else np.nan
-    expected = all_distances(network, x, y, heading, covariance, np.inf)
+    expected = all_distances(network, x, y, heading, covariance)
     least = float(expected.min())
     assume(abs(least - GATE) > 1e-6)
     match = nearest_mahalanobis(network, x, y, heading, covariance)
@@ -84,26 +84,6 @@ def test_equals_a_search_over_all_segments(
     turned = network.heading_rad[match.segment] + (0 if match.forward else np.pi)
     assert abs(wrapped(np.array(match.heading_rad - turned))) < 1e-9
     assert -np.pi < match.heading_rad <= np.pi
-
-
-@given(ENDS, COORDINATES, COORDINATES, ANGLES, covariances(), st.floats(1, 100))
-def test_a_radius_bounds_the_search(
-    make_network: MakeNetwork,
-    ends: np.ndarray,
-    x: float,
-    y: float,
-    heading: float,
-    covariance: np.ndarray,
-    radius: float,
-) -> None:
-    network = make_network(ends)
-    assume(np.all(np.abs(network.project_points(x, y, np.arange(len(network)))[3] - radius) > 1e-6))
-    least = float(all_distances(network, x, y, heading, covariance, radius).min())
-    assume(abs(least - GATE) > 1e-6)
-    match = nearest_mahalanobis(network, x, y, heading, covariance, radius_m=radius)
-    assert (match is not None) == (least < GATE)
-    if match is not None:
-        assert match.mahalanobis == pytest.approx(least, abs=1e-6)
 
 
 C = np.diag([25.0, 25.0, 0.1])
@@ -158,19 +138,16 @@ def test_direction_chooses_between_crossing_roads(make_network: MakeNetwork) -> 
         assert match.segment == segment
 
 
-def test_a_heading_may_be_unknown_or_disregarded(make_network: MakeNetwork) -> None:
+def test_a_heading_may_be_unknown(make_network: MakeNetwork) -> None:
     network = make_network([[-100, 0, 100, 0], [3, -100, 3, 100]])
     along = nearest_mahalanobis(network, 0.0, 2.5, np.pi / 2, C)
     assert along is not None
     assert along.segment == 1
-    for still in (
-        nearest_mahalanobis(network, 0.0, 2.5, np.pi / 2, C, use_heading=False),
-        nearest_mahalanobis(network, 0.0, 2.5, np.nan, C),
-    ):
-        assert still is not None
-        assert still.segment == 0
-        assert still.forward
-        assert still.mahalanobis == pytest.approx(0.5)
+    still = nearest_mahalanobis(network, 0.0, 2.5, np.nan, C)
+    assert still is not None
+    assert still.segment == 0
+    assert still.forward
+    assert still.mahalanobis == pytest.approx(0.5)
 
 
 def test_an_unknown_position_matches_nothing(make_network: MakeNetwork) -> None:

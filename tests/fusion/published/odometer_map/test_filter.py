@@ -336,6 +336,6 @@ def test_what_corrected_an_epoch_is_counted(make: Callable[[], WheelReading | No
     wheels = make()
     kind = None if wheels is None else "wheels" if math.isfinite(wheels.left_rad) else "speed"
     assert engine.counts["open_loop"] == 7
-    assert engine.counts["wheels"] == (7 if kind == "wheels" else 0)
+    assert engine.counts["wheel"] == (7 if kind == "wheels" else 0)
     assert engine.counts["speed"] == (7 if kind == "speed" else 0)
     assert engine.blind["everything"] == (7 if kind is None else 0)

@@ -17,13 +17,13 @@ from fusion.published.odometer_map.method import prepare
 from fusion.published.odometer_map.options import OdometerMapOptions
 from fusion.roads.network import RoadNetwork
 from fusion.simulate.drive import SimulatedDrive
-from fusion.simulate.receiver.wheels import TEN_PERCENT_WHEELS, WheelSet
+from fusion.simulate.receiver.wheels import WheelSet
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.terrain.dem import Dem
 from fusion.types import AngularRate, Attitude, DriveLog, GnssVelocity, Odometry, no_progress
 from profile_support import identities, log_of
-from published.odometer_map.scene import lahrech_drive
+from published.odometer_map.scene import TEN_PERCENT_WHEELS, lahrech_drive
 
 MakeLog = Callable[..., DriveLog]
 NAME = "odometer-map"

@@ -87,7 +87,7 @@ def both(log: DriveLog, town: Town, dem: Dem | None, options: ParticleOptions) -
     run, _ = prepare(log, network, dem, options)
     assert isinstance(run, KalmanRun)
     engine = ReferenceFilter(options, linear=options.filter == "kf")
-    slow = DriveRun(run.epochs, network, engine, options, run.sensors, run.terrain)
+    slow = DriveRun(run.epochs, network, options, run.sensors, run.terrain, engine)
     run.run(no_progress)
     slow.run(no_progress)
     return run, slow

@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 
 from fusion.filters import kalman
-from fusion.gnss.solvers.state import range_row, states
+from fusion.gnss.solvers.state import Frame, cn0_variance, range_row, states
 from fusion.published.positioning.particles import regularise
-from fusion.published.positioning.particles_bank import Bank, rows_of
+from fusion.published.positioning.particles_bank import Bank
 from fusion.published.positioning.particles_each import (
     correct_each,
     draw_each,
@@ -20,7 +20,7 @@ from fusion.published.positioning.particles_each import (
 from gnss_scene import scene
 
 MEASURED = scene(epochs=1, satellites=5).measured
-ROWS = rows_of(MEASURED)
+ROWS = Frame.around(MEASURED).rows(MEASURED, cn0_variance(MEASURED.cn0_dbhz, MEASURED.elevation_rad))
 N = states(MEASURED)
 
 

@@ -9,10 +9,13 @@ import pytest
 
 from fusion.formats import read_log
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
-from fusion.simulate.receiver.wheels import PERFECT_WHEELS, TEN_PERCENT_WHEELS, WheelReadings, WheelSet
+from fusion.simulate.receiver.wheels import WheelReadings, WheelSet
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import csv_columns, write_csv
-from published.odometer_map.scene import lahrech_drive
+from published.odometer_map.scene import TEN_PERCENT_WHEELS, lahrech_drive
+
+PERFECT_WHEELS = WheelSet(radius_error=0.0, slip=0.0, slip_each=0.0, ticks_per_turn=0)
+"""Wheels that roll without slip and are read without steps."""
 
 
 def rolling(drive: SimulatedDrive) -> WheelReadings:
