@@ -17,15 +17,7 @@ from fusion.matching.path import NO_ROAD, Break, PathMatch, empty_match
 from fusion.matching.posterior import doubt_unseen_ways, posterior
 from fusion.matching.routes import breaks_of, bridge, routes, trace
 from fusion.matching.samples import DriveSamples, driven_m, thin
-from fusion.matching.stays import (
-    ChainStays,
-    KeptSamples,
-    Stays,
-    lay_chain_stays,
-    lay_stays,
-    place_samples,
-    stay_times,
-)
+from fusion.matching.stays import KeptSamples, Stays, lay_chain_stays, lay_stays, place_samples, stay_times
 from fusion.matching.viterbi import Model, viterbi
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
@@ -142,7 +134,7 @@ class DriveMatcher:
         on_chains, count, along, run = lay_chain_stays(
             self._graph, cand, lattice, state, joined, route_start, route, chance
         )
-        stays = lay_stays(self._graph, ChainStays._make(column[:count] for column in on_chains))
+        stays = lay_stays(self._graph, on_chains.first(count))
         breaks = breaks_of(drive.time_s[thinned], cand, intervals, state, joined)
         return self._result(drive, KeptSamples(thinned, along, run), stays, breaks)
 

@@ -33,6 +33,10 @@ class ChainStays(NamedTuple):
     run: Ints
     confidence: Floats
 
+    def first(self, count: int) -> ChainStays:
+        """The first so many rows."""
+        return ChainStays._make(column[:count] for column in self)
+
 
 class Stays(NamedTuple):
     """The path as stays on segments; rows as in ``PathMatch``, ``rank`` instead of the segment's number."""
