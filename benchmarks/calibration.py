@@ -34,7 +34,6 @@ import argparse
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -45,9 +44,8 @@ from accuracy.scoring import show_progress, write_json
 from fusion.errors import FusionError
 from fusion.methods.base import DriveResult
 from fusion.network import drive_beliefs
-from fusion.pipeline import run_drive, solve_network
+from fusion.pipeline import FusedDrive, run_drive, solve_network
 from fusion.roads.table import rows_of
-from fusion.types import Floats, Ints
 
 SENSORS = ("altitude", "doppler", "pitch", "force", "barometer")
 SENSOR_SETS: dict[str, tuple[str, ...]] = {
@@ -57,12 +55,6 @@ SENSOR_SETS: dict[str, tuple[str, ...]] = {
 }
 GROUPS = 4
 """So many draws of each number of drives a road gives at most."""
-
-
-class _Fused(NamedTuple):
-    rows: Ints
-    result: DriveResult
-    epoch_s: Floats
 
 
 GAUSSIAN_SCALE = gaussian_scale(FREEDOM)
@@ -88,7 +80,7 @@ def run_seed(
                 network, result = run_drive(drive.log, road.table, None, options=options)
             except FusionError:
                 continue
-            fused.append(_Fused(rows_of(road.table, network.table), result, drive.log.fix.time_s))
+            fused.append(FusedDrive(rows_of(road.table, network.table), result, drive.log.fix.time_s))
             ratios += _ratios(name, drive, result)
         for count in counts:
             groups = [fused[k : k + count] for k in range(0, len(fused) - count + 1, count)]
@@ -114,7 +106,7 @@ def _ratios(name: str, drive: DrawnDrive, result: DriveResult) -> list[Ratio]:
     return out
 
 
-def _draw(road: DrawnRoad, fused: Sequence[_Fused], rng: np.random.Generator) -> Draw:
+def _draw(road: DrawnRoad, fused: Sequence[FusedDrive], rng: np.random.Generator) -> Draw:
     parts = solve_network(road.table, None, fused).parts
     rows = np.array(sorted(parts), np.int64)
     estimates = np.array(

@@ -40,7 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.matching.drive import DriveMatcher
-from fusion.matching.samples import thin
+from fusion.matching.samples import DriveSamples, thin
 from fusion.published.matchers import MATCHERS
 from fusion.published.matchers.base import PointMatcher, PointMatches
 from fusion.types import Ints
@@ -84,8 +84,8 @@ def by_drive(track: Track) -> Result:
 
 def thinned(track: Track) -> Ints:
     """Indices of points 14 m apart."""
-    unknown = np.full(len(track.x_m), np.nan)
-    return thin(track.time_s, track.x_m, track.y_m, unknown, SPACING_M, np.inf, 0.0, SPACING_M)
+    drive = DriveSamples.of(track.time_s, track.x_m, track.y_m, None, None, None)
+    return thin(drive, SPACING_M, np.inf, 0.0, SPACING_M)
 
 
 def by_drive_points(track: Track) -> Result:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -156,15 +156,16 @@ def _far_message(log: DriveLog) -> str:
     )
 
 
-class FusedDrive(Protocol):
-    """A log's result, the rows of the road file that its segment indices refer to, and the times of its positions."""
+@dataclass(frozen=True, eq=False)
+class FusedDrive:
+    """A log's result, the rows of the road file that its segment indices refer to, and the times of its positions.
 
-    @property
-    def rows(self) -> Ints: ...
-    @property
-    def result(self) -> DriveResult: ...
-    @property
-    def epoch_s(self) -> Floats: ...
+    Without these times (none: unknown) duplicates are found less surely.
+    """
+
+    rows: Ints
+    result: DriveResult
+    epoch_s: Floats
 
 
 class SolvedNetwork(NamedTuple):

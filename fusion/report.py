@@ -46,8 +46,10 @@ _WGS84 = Geod(ellps="WGS84")
 NO_GROUND = "The elevation model has no height under the drive, and could not be used."
 NO_HEIGHTS = "All altitudes of the log are 0 m: they were not measured, and are left out."
 _CONTRADICTS = "This drive contradicts other drives on "
-_ALTITUDE_ADVICE = "Record altitudes as well, or give an elevation model that covers the drive."
-_DOPPLER_ADVICE = "Record it if the receiver offers it (u-blox: UBX-NAV-PVT), or use one that does."
+_ADVICE = {
+    "altitude": "Record altitudes as well, or give an elevation model that covers the drive.",
+    "doppler": "Record it if the receiver offers it (u-blox: UBX-NAV-PVT), or use one that does.",
+}
 
 
 class Ground(NamedTuple):
@@ -168,8 +170,7 @@ def advice_of(log: DriveLog, cues: Collection[str], dem: Dem | None, ground: Gro
     """What to do about a log that lacks what its method needs: which of ``cues`` a person with that kind of device
     could record, and whether the elevation model is one of another place; "" where there is nothing to say.
     """
-    advice = {"altitude": _altitude_advice, "doppler": _doppler_advice}
-    lacking = [advice[name](log) for name in advice if name in cues and name not in cues_of(log)]
+    lacking = [_advice(log, cue) for cue in _ADVICE if cue in cues and cue not in cues_of(log)]
     elsewhere = _of_terrain(log, dem, ground) if ground is not None and not ground.share else []
     zeros = [NO_HEIGHTS] if NO_HEIGHTS in log.warnings else []
     return " ".join([*zeros, *lacking, *elsewhere])
@@ -204,14 +205,10 @@ def _matched_share(track: Track) -> float:
     return float(np.mean(track.segment >= 0)) if len(track) else 0.0
 
 
-def _altitude_advice(log: DriveLog) -> str:
+def _advice(log: DriveLog, cue: str) -> str:
+    """How a log of this format can have a cue that it lacks."""
     known = FORMATS.get(log.source_format)  # none of several formats, joined
-    return known.altitude_advice if known else _ALTITUDE_ADVICE
-
-
-def _doppler_advice(log: DriveLog) -> str:
-    known = FORMATS.get(log.source_format)
-    return known.doppler_advice if known else _DOPPLER_ADVICE
+    return str(getattr(known, f"{cue}_advice")) if known else _ADVICE[cue]
 
 
 def _rests_on_terrain(log: DriveLog, result: DriveResult, method: Method, ground: Ground | None) -> bool:
@@ -234,11 +231,13 @@ def _lacking(log: DriveLog, method: Method, *, only: bool, computed: bool) -> li
         return sentences
     if "altitude" in method.cues and "altitude" not in cues and not computed:
         worth = "so its slopes are less sure, and" if "doppler" not in cues else "so"
-        sentences.append(f"The log has no altitudes, {worth} it measures no heights. {_altitude_advice(log)}")
+        sentences.append(
+            f"The log has no altitudes, {worth} it measures no heights. {_advice(log, 'altitude')}"
+        )
     if "doppler" in method.cues and "doppler" not in cues:
         sentences.append(
             "The log has no vertical Doppler velocity, the strongest cue of slope: with it sigmas become several "
-            f"times smaller. {_doppler_advice(log)}"
+            f"times smaller. {_advice(log, 'doppler')}"
         )
     return sentences
 
@@ -250,7 +249,7 @@ def _never_changing(log: DriveLog) -> list[str]:
         return []
     return [
         f"All altitudes of the log are {altitude[0]:g} m, so slopes made of them are flat: look whether the device "
-        f"measured them. {_altitude_advice(log)}"
+        f"measured them. {_advice(log, 'altitude')}"
     ]
 
 

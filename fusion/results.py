@@ -20,7 +20,7 @@ from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
-from fusion.types import Floats, Ints
+from fusion.types import Floats
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -51,16 +51,6 @@ class Solution:
         return len(self.slopes)
 
 
-@dataclass(frozen=True)
-class _FusedDrive:
-    """A drive as ``run_drive`` returns it. The times of its positions are unknown, so duplicates are
-    found less surely."""
-
-    rows: Ints
-    result: DriveResult
-    epoch_s: Floats
-
-
 def solve(
     drives: Iterable[tuple[RoadNetwork, DriveResult]],
     roads: RoadTable,
@@ -76,7 +66,7 @@ def solve(
     its own sigma and 0 drives. The order of the drives changes nothing, and a duplicate drive counts once.
     """
     nothing = np.empty(0)
-    fused = [_FusedDrive(rows_of(roads, network.table), result, nothing) for network, result in drives]
+    fused = [FusedDrive(rows_of(roads, network.table), result, nothing) for network, result in drives]
     return solve_fused(fused, roads, dem, control=control, gaps=gaps)
 
 

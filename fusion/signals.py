@@ -151,38 +151,15 @@ class Signals:
             **{name: column[order] for name, column in table.items()},
         )
 
-    def take_epochs(self, keep: Bools) -> Signals:
-        """The epochs that a mask (m,) selects."""
-        counts = np.diff(self.first)
-        return self._with(self.gps_s[keep], counts[keep], np.repeat(keep, counts))
-
     def take_rows(self, keep: Bools) -> Signals:
         """The rows that a mask (n,) selects; epochs stay, if without rows."""
-        return self._with(self.gps_s, np.bincount(self.epoch[keep], minlength=len(self)), keep)
-
-    def _with(self, gps_s: Floats, counts: Ints, rows: Bools) -> Signals:
-        """Epochs with so many rows each, those of this table that a mask selects."""
-        columns = {spec.name: getattr(self, spec.name)[rows] for spec in fields(self)[2:]}
-        return Signals(gps_s=gps_s, first=np.append(0, np.cumsum(counts)), **columns)
+        counts = np.bincount(self.epoch[keep], minlength=len(self))
+        columns = {spec.name: getattr(self, spec.name)[keep] for spec in fields(self)[2:]}
+        return Signals(gps_s=self.gps_s, first=np.append(0, np.cumsum(counts)), **columns)
 
 
 @dataclass(frozen=True)
-class _Ephemerides(ColumnTable):
-    @classmethod
-    def empty(cls) -> Self:
-        """Without any record."""
-        kinds = {"Ints": np.int64, "Bools": np.bool_}
-        shapes = dict.fromkeys(("position_m", "velocity_mps", "acceleration_mps2"), (0, 3))
-        return cls(
-            **{
-                spec.name: np.empty(shapes.get(spec.name, 0), kinds.get(str(spec.type), np.float64))
-                for spec in fields(cls)
-            }
-        )
-
-
-@dataclass(frozen=True)
-class KeplerEphemerides(_Ephemerides):
+class KeplerEphemerides(ColumnTable):
     """Broadcast ephemerides of GPS, Galileo, BeiDou and QZSS, one row a record, (k,) each; angles in radians.
 
     ``toe_s``, ``toc_s`` and ``sent_s`` (NaN where not stated) are GPS seconds, for BeiDou and Galileo too.
@@ -221,13 +198,15 @@ class KeplerEphemerides(_Ephemerides):
 
 
 @dataclass(frozen=True)
-class GlonassEphemerides(_Ephemerides):
+class GlonassEphemerides(ColumnTable):
     """Broadcast states of GLONASS satellites in PZ-90 (taken for WGS 84: they agree to centimetres), one row a record.
 
     ``toe_s`` in GPS seconds; ``clock_s`` is what is to be added to the satellite's reading as RINEX has it (-TauN),
     ``clock_rate`` its relative frequency (GammaN). ``position_m``, ``velocity_mps`` and ``acceleration_mps2`` (of sun
     and moon) have shape (k, 3). ``channel`` gives the frequency: 1602 MHz + channel x 562.5 kHz.
     """
+
+    VECTORS = ("position_m", "velocity_mps", "acceleration_mps2")
 
     number: Ints
     channel: Ints

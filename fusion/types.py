@@ -62,11 +62,6 @@ class SensorTable(ColumnTable):
         return tuple(spec.name for spec in fields(cls) if spec.name != "time_s")
 
     @classmethod
-    def empty(cls) -> Self:
-        """A table without samples."""
-        return cls(**{spec.name: np.empty(0) for spec in fields(cls)})
-
-    @classmethod
     def assemble(cls, time_s: Floats, repairs: Counter[str] | None = None, **columns: Floats) -> Self:
         """Build a table from raw samples in any order; columns not given are NaN.
 

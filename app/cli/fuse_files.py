@@ -13,32 +13,28 @@ from typing import Any, NamedTuple
 from app.cli.console import part_of
 from app.cli.options import LogFiles
 from app.map.segment import Segment
-from fusion.methods.base import DriveResult, Options
+from fusion.methods.base import Options
 from fusion.network.combine import NETWORK_ONLY
 from fusion.network.control import ControlPoint
 from fusion.network.unknowns import knot_positions
-from fusion.pipeline import positions_of, run_drive, surroundings
+from fusion.pipeline import FusedDrive, positions_of, run_drive, surroundings
 from fusion.report import with_contradiction, with_duplicate
 from fusion.results import Solution, solve_fused
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
-from fusion.types import Floats, Ints, Progress, no_progress
+from fusion.types import Progress, no_progress
 
 PARTS = {"reading": (0.0, 0.15), "positioning": (0.15, 0.4), "estimating": (0.4, 1.0)}
 """The parts of the work on one log, and the shares of the whole at which they begin and end."""
 
 
-@dataclass(frozen=True)
-class FusedLog:
-    """One log's result; ``rows`` are those of the road file that the result's segment indices refer to, ``epoch_s`` the
-    times of its positions."""
+@dataclass(frozen=True, eq=False)
+class FusedLog(FusedDrive):
+    """One log's result, from which files it came, over which roads, and how long it took."""
 
     source: LogFiles
     network: RoadNetwork
-    rows: Ints
-    result: DriveResult
-    epoch_s: Floats
     seconds: float
 
 
@@ -88,7 +84,7 @@ class Fusion:
             located, self.roads, self.dem, method=self.method, options=self.options, progress=estimating
         )
         rows, seconds = rows_of(self.roads, network.table), time.perf_counter() - started
-        fused = FusedLog(source, network, rows, result, located.log.fix.time_s, seconds)
+        fused = FusedLog(rows, result, located.log.fix.time_s, source, network, seconds)
         self.fused.append(fused)
         return fused
 

@@ -14,6 +14,7 @@ from fusion.network.pass_factor import NUISANCES, PLACE_PART_S, PLACE_TAU_S, Pas
 from fusion.network.road_beliefs import DEFAULT_ROUGHNESS
 from fusion.profile.factors import sum_passes
 from fusion.profile.model import WANDER_SIGMA
+from fusion.profile.traversals import OnTraversals
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints
 
@@ -209,14 +210,14 @@ class Synthetic:
         passing: Floats, sensor: Ints, value: Floats, variance: Floats, time_s: Floats, first: Ints,
         roughness: float, part: Ints,
     ) -> list[PassFactor]:  # fmt: skip
-        """The sums over each pass; columns as ``fusion.profile.factors.OnTraversals`` has them."""
+        """The sums over each pass; columns as ``OnTraversals`` has them."""
         size = variable_count(self.length[rows]) + NUISANCES
         information, vector, square = (np.zeros(int(v)) for v in ((size**2).sum(), size.sum(), len(rows)))
         walk, begin = (DRIFT_M2_PER_S, BARO_DRIFT_M2_PER_S), 1.7e9 + 1e5 * self.drives
+        data = OnTraversals(variable, weights, constants, passing, sensor, value, variance, time_s, first)
         sum_passes(
-            first, size, variable, weights, constants, passing, sensor, value, variance, time_s, enter_s, leave_s,
-            np.array(walk), np.empty(0), 0.0, information, vector, square,
-        )  # fmt: skip
+            data, size, enter_s, leave_s, np.array(walk), np.empty(0), 0.0, information, vector, square
+        )
         ends, squares = np.cumsum(size), np.cumsum(size**2)
         out = []
         for j, (row, n) in enumerate(zip(rows.tolist(), size.tolist(), strict=True)):

@@ -126,7 +126,6 @@ CHANGES: tuple[Change, ...] = (
 
 LEFT_OUT = {
     "KNOWN_SIGMA_M": "what is said of heights, not what they are",
-    "PROFILE_STEP_M": "how finely a profile is drawn",
     "DEFAULT_ROUGHNESS": "of networks without any drive",
     "ROUGHNESS_BOUNDS": "what roads can be at all",
     "SIGMA_BOUNDS_M": "what elevation models can be at all",

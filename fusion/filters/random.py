@@ -155,17 +155,3 @@ def fill_normals(lanes: Lanes, out: Singles) -> None:
         _fill_pairs(lanes, rest)
         for i in range(whole, n):
             out[i] = rest[i - whole]
-
-
-@compiled_vector
-def fill_exponentials(lanes: Lanes, out: Singles) -> None:
-    """Fill the 1-D array ``out`` with independent standard exponential draws of single precision, from 0 to 22.
-
-    Groups are as in ``fill_normals``.
-    """
-    bits = lanes[4 * LANES :].view(np.int32)
-    for begin in range(0, len(out), GROUP):
-        _advance(lanes)
-        part = out[begin : begin + GROUP]
-        for i in range(len(part)):
-            part[i] = -log_positive(_fraction(bits[i]))

@@ -8,8 +8,40 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.compiled import compiled
+from fusion.compiled import compiled, inlined
 from fusion.types import Floats, Ints
+
+
+@inlined
+def _carry_half(
+    to: Ints, of: Ints, states: Ints, by: Floats, x: Floats, p: Floats, moved: Floats, half: Floats
+) -> None:
+    """Turn ``x`` (d,) into ``by`` x, and fill ``half`` (d, d) with ``by`` P.
+
+    ``to`` and ``of`` (j,) are the rows and columns of what ``by`` may hold.
+    """
+    moved[:] = 0.0
+    half[:] = 0.0
+    for j in range(len(to)):
+        a, c = to[j], of[j]
+        f = by[states[a], states[c]]
+        moved[a] += f * x[c]
+        for b in range(len(x)):
+            half[a, b] += f * p[c, b]
+    x[:] = moved
+
+
+@inlined
+def _carry_other_half(to: Ints, of: Ints, states: Ints, by: Floats, half: Floats, p: Floats) -> None:
+    """Add ``half`` times ``by``' to the lower triangle of ``p`` (d, d), and mirror it."""
+    for j in range(len(to)):
+        b, c = to[j], of[j]
+        f = by[states[b], states[c]]
+        for a in range(b, len(p)):
+            p[a, b] += half[a, c] * f
+    for a in range(len(p)):
+        for b in range(a):
+            p[b, a] = p[a, b]
 
 
 @compiled
@@ -47,26 +79,11 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
     likelihood = 0.0
     for k in range(n):
         if k:
-            moved[:] = 0.0
-            half[:] = 0.0
-            for j in range(len(moves)):
-                a, c = moves[j, 0], moves[j, 1]
-                f = transition[k, states[a], states[c]]
-                moved[a] += f * x[c]
-                for b in range(d):
-                    half[a, b] += f * p[c, b]
+            _carry_half(moves[:, 0], moves[:, 1], states, transition[k], x, p, moved, half)
             for a in range(d):
-                x[a] = moved[a]
                 for b in range(a + 1):
                     p[a, b] = noise[k, states[a], states[b]]
-            for j in range(len(moves)):
-                b, c = moves[j, 0], moves[j, 1]
-                f = transition[k, states[b], states[c]]
-                for a in range(b, d):
-                    p[a, b] += half[a, c] * f
-            for a in range(d):
-                for b in range(a):
-                    p[b, a] = p[a, b]
+            _carry_other_half(moves[:, 0], moves[:, 1], states, transition[k], half, p)
         if stores:
             for a in range(d):
                 mean[k, states[a]] = x[a]
@@ -102,7 +119,7 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
 
 
 @compiled
-def run_backward(  # noqa: C901, PLR0912, PLR0915
+def run_backward(  # noqa: C901, PLR0912
     states: Ints,
     moves: Ints,
     transition: Floats,
@@ -185,21 +202,7 @@ def run_backward(  # noqa: C901, PLR0912, PLR0915
                         total -= work[a, c] * p[b, c]
                     covariance[k, states[a], states[b]] = covariance[k, states[b], states[a]] = total
         if k:
-            moved[:] = 0.0
-            work[:] = 0.0
-            for j in range(len(moves)):
-                c, a = moves[j, 0], moves[j, 1]
-                f = transition[k, states[c], states[a]]
-                moved[a] += f * r[c]
-                for b in range(d):
-                    work[a, b] += f * big[c, b]
-            r[:] = moved
+            turned = transition[k].T
+            _carry_half(moves[:, 1], moves[:, 0], states, turned, r, big, moved, work)
             big[:] = 0.0
-            for j in range(len(moves)):
-                c, b = moves[j, 0], moves[j, 1]
-                f = transition[k, states[c], states[b]]
-                for a in range(b, d):
-                    big[a, b] += work[a, c] * f
-            for a in range(d):
-                for b in range(a):
-                    big[b, a] = big[a, b]
+            _carry_other_half(moves[:, 1], moves[:, 0], states, turned, work, big)

@@ -62,11 +62,6 @@ class LinearModel:
         vars(other).update({name: getattr(self, name) for name in ("first_row", "seen", "_moves")})
         return other
 
-    def log_likelihood(self) -> float:
-        """Of the measurements, by the innovations; constants left out."""
-        room = np.empty((0, 0)), np.empty((0, 0, 0))
-        return float(self._forward(self.seen, self.first_row, *room)[-1])
-
     def smooth(self) -> Smoothed:
         """Means and covariances of every state given all measurements."""
         n, d = self.transition.shape[:2]

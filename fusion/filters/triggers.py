@@ -5,39 +5,23 @@ A trigger looks at two sums over the weights only, so that a compiled cloud can 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from fusion.registry import Registry
 
 
-class Rule(Protocol):
-    """Whether to resample ``particles`` weights of these ``n_eff`` (1.50) and ``entropy`` (1.49)."""
-
-    def __call__(self, n_eff: float, entropy: float, particles: int, threshold: float) -> bool: ...
-
-
 @dataclass(frozen=True)
 class Trigger:
-    """``due(n_eff, entropy, particles, threshold)`` is the rule; ``unit`` is that of its threshold."""
+    """``due(n_eff, entropy, particles, threshold)`` says whether to resample so many ``particles`` whose weights have
+    this ``n_eff`` (1.50) and ``entropy`` (1.49). ``unit`` is that of the threshold.
+    """
 
     name: str
     description: str
     unit: str
     default_threshold: float
-    due: Rule
-
-
-def _few_count(n_eff: float, entropy: float, particles: int, threshold: float) -> bool:
-    return n_eff < threshold * particles
-
-
-def _far_from_equal(n_eff: float, entropy: float, particles: int, threshold: float) -> bool:
-    return entropy > threshold
-
-
-def _never(n_eff: float, entropy: float, particles: int, threshold: float) -> bool:
-    return False
+    due: Callable[[float, float, int, float], bool]
 
 
 TRIGGERS: Registry[Trigger] = Registry("resampling trigger")
@@ -48,21 +32,21 @@ for _trigger in (
         "Resample when N_eff (1.50) falls below this share of the particles (thesis: 2/3).",
         "share of N",
         2 / 3,
-        _few_count,
+        lambda n_eff, entropy, particles, threshold: n_eff < threshold * particles,
     ),
     Trigger(
         "entropy",
         "Resample when S_w (1.49) rises above this; 0.2 is where log-normal weights have an N_eff of 2/3 N.",
         "nat",
         0.2,
-        _far_from_equal,
+        lambda n_eff, entropy, particles, threshold: entropy > threshold,
     ),
     Trigger(
         "never",
         "Never resample: sequential importance sampling (SIS); no threshold is used.",
         "",
         0.0,
-        _never,
+        lambda n_eff, entropy, particles, threshold: False,
     ),
 ):
     TRIGGERS.add(_trigger.name, _trigger)

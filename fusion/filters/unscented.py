@@ -47,15 +47,6 @@ class Unscented:
         if not self.alpha > 0.0:
             raise ValueError(f"alpha must be positive, not {self.alpha}")
 
-    def weights(self, n: int) -> tuple[Floats, Floats]:
-        """Weights (2 n + 1,) of the points for the mean and for the covariance, as Algorithm 3 prints them."""
-        scale = self._scale(n)
-        of_mean = np.full(2 * n + 1, 0.5 / scale)
-        of_mean[0] = 1.0 - n / scale
-        of_covariance = of_mean.copy()
-        of_covariance[0] += 1.0 - self.alpha**2 + self.beta
-        return of_mean, of_covariance
-
     def sigma_points(self, mean: Floats, covariance: Floats) -> Floats:
         """The mean, then the mean plus and minus the columns of a scaled root of the covariance: (2 n + 1, n)."""
         points: Floats = mean + self._offsets(covariance)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fusion.arrays import ColumnTable
 from fusion.frames import geodetic
 from fusion.gnss.clock_jumps import find_clock_jumps
 from fusion.gnss.corrections import (
@@ -43,7 +44,7 @@ _NO_PLACE = f"No epoch has {FEWEST} satellites that agree on a place on earth: n
 
 
 @dataclass(frozen=True)
-class _Sky:
+class _Sky(ColumnTable):
     """Satellites of all rows as seen from the rough places: angles (n,), places and velocities (n, 3) in the frame of
     reception, and distances (n,)."""
 
@@ -81,9 +82,10 @@ def measure(raw: RawGnss, progress: Progress) -> Measurements:
     if not brought:
         pseudorange_m = pseudorange_m - _atmosphere_m(raw, signals, states, sky, places, warnings)
     keep = _usable(signals, sky, group, pseudorange_m, brought, counts)
-    out = _assembled(signals, states, sky, pseudorange_m, keep, places)
+    sky = sky.take(keep)
+    out = _assembled(signals.take_rows(keep), states.take(keep), sky, pseudorange_m[keep], places)
     progress("measurements", 1.0)
-    return _finished(out, signals.gps_s, sky.distance_m[keep], counts, warnings)
+    return _finished(out, signals.gps_s, sky.distance_m, counts, warnings)
 
 
 def _possible(raw: RawGnss, counts: Counter[str]) -> Signals:
@@ -194,33 +196,29 @@ def _usable(
 
 
 def _assembled(
-    signals: Signals,
-    states: SatelliteStates,
-    sky: _Sky,
-    pseudorange_m: Floats,
-    keep: Bools,
-    places: Floats,
+    signals: Signals, states: SatelliteStates, sky: _Sky, pseudorange_m: Floats, places: Floats
 ) -> Measurements:
-    chosen = signals.take_rows(keep)
-    group, groups = _groups(chosen.system)
-    names, satellite = np.unique(np.column_stack([chosen.system, chosen.number]), axis=0, return_inverse=True)
+    group, groups = _groups(signals.system)
+    names, satellite = np.unique(
+        np.column_stack([signals.system, signals.number]), axis=0, return_inverse=True
+    )
     rate = signals.range_rate_mps + LIGHT_MPS * states.clock_rate
     moving = np.isfinite(sky.velocity_mps).all(
         axis=1
     )  # without the satellite's own, a range rate says nothing
     return Measurements(
-        time_s=chosen.time_s,
-        first=chosen.first,
+        time_s=signals.time_s,
+        first=signals.first,
         satellite=satellite.reshape(-1).astype(np.int64),
         group=group,
-        pseudorange_m=pseudorange_m[keep],
-        range_rate_mps=np.where(moving, rate, np.nan)[keep],
-        cn0_dbhz=chosen.cn0_dbhz,
-        sigma_m=chosen.sigma_m,
-        elevation_rad=sky.elevation_rad[keep],
-        azimuth_rad=sky.azimuth_rad[keep],
-        satellite_m=sky.position_m[keep],
-        satellite_mps=sky.velocity_mps[keep],
+        pseudorange_m=pseudorange_m,
+        range_rate_mps=np.where(moving, rate, np.nan),
+        cn0_dbhz=signals.cn0_dbhz,
+        sigma_m=signals.sigma_m,
+        elevation_rad=sky.elevation_rad,
+        azimuth_rad=sky.azimuth_rad,
+        satellite_m=sky.position_m,
+        satellite_mps=sky.velocity_mps,
         names=tuple(satellite_name(int(system), int(number)) for system, number in names),
         groups=groups,
         rough_m=np.median(places, axis=0) if len(places) else np.full(3, np.nan),

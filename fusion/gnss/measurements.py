@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from fusion.arrays import nearest
 from fusion.options import Named, OptionsModel
 from fusion.types import Bools, DriveLog, Floats, Ints, Progress
 
@@ -159,7 +160,5 @@ def _at(time_s: Floats, value: Floats, at_s: Floats) -> Floats:
     time_s, value = time_s[measured], value[measured]
     if not len(time_s):
         return np.full(len(at_s), np.nan)
-    after = np.clip(np.searchsorted(time_s, at_s), 0, len(time_s) - 1)
-    before = np.maximum(after - 1, 0)
-    near = np.minimum(np.abs(time_s[after] - at_s), np.abs(time_s[before] - at_s)) <= NEAR_S
+    near = np.abs(time_s[nearest(time_s, at_s)] - at_s) <= NEAR_S
     return np.where(near, np.interp(at_s, time_s, value), np.nan)

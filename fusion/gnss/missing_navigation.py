@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from fusion.arrays import nearest
 from fusion.gnss.orbits.satellites import LIMIT_S
 from fusion.signals import GLONASS, SBAS, WEEK_S, Navigation, Signals, unix_from_gps
 from fusion.types import Floats
@@ -50,9 +51,7 @@ def _toe_s(navigation: Navigation, system: int) -> Floats:
 def _meets(gps_s: Floats, toe_s: Floats, limit_s: float) -> bool:
     """Whether any record serves any epoch."""
     toes = np.sort(toe_s)
-    after = np.clip(np.searchsorted(toes, gps_s), 1, max(len(toes) - 1, 1))
-    away = np.minimum(np.abs(gps_s - toes[after - 1]), np.abs(gps_s - toes[np.minimum(after, len(toes) - 1)]))
-    return bool(np.any(away <= limit_s))
+    return bool(np.any(np.abs(gps_s - toes[nearest(toes, gps_s)]) <= limit_s))
 
 
 def _of_another_day(name: str, toe_s: Floats, gps_s: Floats) -> str:

@@ -78,13 +78,6 @@ def smoothed(
     return Reception(*_chain(np.ascontiguousarray(states, np.int64), begin, share, pseudo_count))
 
 
-def transitions(states: Ints, pseudo_count: float = PSEUDO_COUNT) -> Floats:
-    """The matrix (3, 3) of P(next = y | now = x), rows x, counted over states (t,) with ``pseudo_count`` added."""
-    counts = np.full((3, 3), float(pseudo_count))
-    np.add.at(counts, (states[:-1], states[1:]), 1.0)
-    return np.asarray(counts / counts.sum(axis=1, keepdims=True))
-
-
 @compiled
 def _chain(states: Ints, begin: Ints, share: Floats, pseudo_count: float) -> tuple[Floats, Ints]:
     n = len(states)

@@ -30,10 +30,10 @@ def find_candidates(
     off_near: float,
     off_far: float,
 ) -> Candidates:
-    """Every local minimum of the distance along every chain within the radius of each kept sample.
+    """For each kept sample the places, within its radius, at which the distance to a chain has a local minimum.
 
-    A place at the very start of a chain is left out where another chain arrives: being at the end of that
-    one is the same. Being off the road costs ``off_near``, or ``off_far`` where no place is likelier than that.
+    A place at the very start of a chain is left out where another chain arrives, since the end of that one is the same
+    place. Being off the road costs ``off_near``, or ``off_far`` where no place is likelier than that.
     """
     m = len(x)
     start = np.zeros(m + 1, np.int64)

@@ -1,6 +1,6 @@
 """Map matching of a whole drive: a hidden Markov model over the road network (Newson & Krumm 2009).
 
-The settings, and the order of the parts: each stands in a file of its own beside this one.
+This file holds the settings and the order of the work. Each part of the work stands in a file of its own beside it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fusion.matching.path import NO_ROAD, Break, PathMatch, empty_match
 from fusion.matching.posterior import doubt_unseen_ways, posterior
 from fusion.matching.routes import breaks_of, bridge, routes, trace
 from fusion.matching.samples import DriveSamples, driven_m, thin
-from fusion.matching.stays import Stays, lay_chain_stays, lay_stays, place_samples, stay_times
+from fusion.matching.stays import KeptSamples, Stays, lay_chain_stays, lay_stays, place_samples, stay_times
 from fusion.matching.viterbi import Model, viterbi
 from fusion.roads.network import RoadNetwork
 from fusion.types import Floats, Ints
@@ -29,21 +29,25 @@ _MAP_SIGMA_M = 4.0  # the map's own error across the road, beside the accuracy t
 class MatchOptions:
     """Settings of the drive matcher. Costs are negative logarithms of probabilities, without unit.
 
-    ``sigma_m``: noise of a position across the road, where the samples do not say it, m. ``beta_m``: mean
-    difference between the length of the path and the straight line between kept samples, m; it grows by
-    ``beta_share`` of the length beyond 50 m. ``spacing_m``: distance between kept samples, m. ``radius_m``: how far
-    from a road a sample may be, m. ``slack_m``: a step may be this much longer than the straight line, m.
-    ``back_m``: a sample may lie this far behind the one before, m. ``u_turn``: cost of turning round.
-    ``off_point``: cost of a kept sample off the road, ``off_far`` where no road is as near as that; ``off_switch``
-    and ``off_switch_far``: cost of leaving the road at such a sample, and of coming back from one: high where
-    a road is near, or the path would jump between carriageways. ``bridge_m``: samples off the road are
-    taken for outliers up to this distance, m. ``beam``: candidates so much worse than the best are given up.
-    ``outage_s``, ``outage_m``: a longer outage between positions breaks the path, s and m. ``dwell_s``: without a
-    kept sample for so long, the vehicle is taken to stand or creep: the spacing then grows by ``dwell_mps``
-    (m/s) up to ``widest_m``. ``heading_weight`` and ``heading_cap``: the course costs
-    weight * (1 - cos(difference)), softly bounded by the cap, from ``heading_mps`` (m/s) on. ``fastest_mps``:
-    no vehicle is faster, m/s. ``temperature``: what the costs are divided by for ``confidence``, as errors
-    of neighbouring samples are not independent.
+    Which samples are kept: they lie ``spacing_m`` (m) apart. A vehicle without a kept sample for ``dwell_s`` (s) is
+    taken to stand or creep: the spacing then grows by ``dwell_mps`` (m/s) up to ``widest_m`` (m).
+
+    Where a sample may be: no farther from a road than ``radius_m`` (m). ``sigma_m`` (m) is the noise of a position
+    across the road where the sample states none. From ``heading_mps`` (m/s) on the course costs ``heading_weight``
+    times (1 - cos(difference)), softly bounded by ``heading_cap``.
+
+    How a step may go: it is at most ``slack_m`` (m) longer than the straight line, no faster than ``fastest_mps``
+    (m/s), and ends at most ``back_m`` (m) behind the sample before. ``beta_m`` (m) is the mean difference between its
+    length and the straight line; it grows by ``beta_share`` of the length beyond 50 m. Turning round costs
+    ``u_turn``. Candidates that are ``beam`` worse than the best one are given up.
+
+    Off the road: a kept sample there costs ``off_point``, or ``off_far`` where no road is as near as that. Leaving
+    the road at such a sample costs ``off_switch`` or ``off_switch_far``, and so does coming back from it. The cost is
+    high where a road is near: else the path would jump between carriageways. Samples off the road are taken for
+    outliers over up to ``bridge_m`` (m).
+
+    An outage between positions that is longer than ``outage_s`` (s) or ``outage_m`` (m) breaks the path. For
+    ``confidence`` the costs are divided by ``temperature``, since errors of neighbouring samples are not independent.
     """
 
     sigma_m: float = 7.0
@@ -79,14 +83,16 @@ class MatchOptions:
 class DriveMatcher:
     """Matches drives to one network, which is prepared once.
 
-    Hidden Markov model after Newson & Krumm 2009 over samples some metres apart. The states of a sample are the
-    nearest places on the chains of segments about it, each in the directions in which it may be driven, and
-    being off the road. Likely are places near the sample (and along its course), steps whose length is that of
-    the straight line (or what the speeds say), and no turning round. Steps are bounded shortest paths: where
-    none is plausible, the path breaks. The answer is the likeliest path (Viterbi); its ``confidence`` is the
-    share of the probability of all paths (forward-backward) that go over the same chain at the same time, at
-    the samples where that share is greatest, under the costs divided by ``temperature``. On ways that no sample
-    saw it is lowered for a length that fits badly.
+    It is a hidden Markov model after Newson & Krumm 2009 over samples some metres apart. The states of a sample are
+    the nearest places on the chains of segments around it, in each direction in which they may be driven, and the
+    state of being off the road. A place is likely if it is near the sample and along its course. A step is likely if
+    it is as long as the straight line, or as the speeds say, and does not turn round. Steps are shortest paths within
+    a bound; where no step is plausible, the path breaks.
+
+    The answer is the likeliest path (Viterbi). Its ``confidence`` on a chain comes from all paths (forward-backward,
+    with costs divided by ``temperature``): it is the share of their probability that goes over the same chain at the
+    same time, at the sample where this share is greatest. On ways that no sample saw, the confidence is lowered where
+    the length fits badly.
     """
 
     def __init__(self, network: RoadNetwork, options: MatchOptions = MatchOptions()) -> None:
@@ -125,26 +131,17 @@ class DriveMatcher:
         joined = bridge(model, lattice, state, drive.x_m[thinned], drive.y_m[thinned])
         chance = doubt_unseen_ways(chance, intervals, model.costs, lattice, state, joined)
         route_start, route = routes(model, lattice, state, joined)
-        on_chains, along, run = lay_chain_stays(
+        on_chains, count, along, run = lay_chain_stays(
             self._graph, cand, lattice, state, joined, route_start, route, chance
         )
-        stays = lay_stays(self._graph, on_chains)
+        stays = lay_stays(self._graph, on_chains.first(count))
         breaks = breaks_of(drive.time_s[thinned], cand, intervals, state, joined)
-        return self._result(drive, thinned, stays, along, run, breaks)
+        return self._result(drive, KeptSamples(thinned, along, run), stays, breaks)
 
     def _thinned(self, drive: DriveSamples) -> Ints:
         """Indices of the samples that are matched; the others are placed on the path afterwards."""
         o = self.options
-        return thin(
-            drive.time_s,
-            drive.x_m,
-            drive.y_m,
-            drive.speed_mps,
-            o.spacing_m,
-            o.dwell_s,
-            o.dwell_mps,
-            o.widest_m,
-        )
+        return thin(drive, o.spacing_m, o.dwell_s, o.dwell_mps, o.widest_m)
 
     def _candidates(self, drive: DriveSamples, thinned: Ints) -> Candidates:
         """Where each kept sample may be; at walking pace its course says nothing."""
@@ -187,26 +184,12 @@ class DriveMatcher:
         return Intervals(chord, driven, lapse, outage, switch)
 
     def _result(
-        self,
-        drive: DriveSamples,
-        thinned: Ints,
-        stays: Stays,
-        along: Floats,
-        run: Ints,
-        breaks: tuple[Break, ...],
+        self, drive: DriveSamples, kept: KeptSamples, stays: Stays, breaks: tuple[Break, ...]
     ) -> PathMatch:
         row, distance, offset = place_samples(
-            self._graph,
-            stays,
-            drive.x_m,
-            drive.y_m,
-            thinned,
-            along,
-            run,
-            self._reach(drive.sigma_m),
-            0.5 * self.options.spacing_m,
+            self._graph, stays, drive, kept, self._reach(drive.sigma_m), 0.5 * self.options.spacing_m
         )
-        enter_time, leave_time = stay_times(drive.time_s, stays, thinned, along, run, row, distance)
+        enter_time, leave_time = stay_times(drive.time_s, stays, kept, row, distance)
         return PathMatch(
             segment=self._graph.segment[stays.rank],
             forward=stays.forward,

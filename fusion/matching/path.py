@@ -32,20 +32,23 @@ class Break:
 class PathMatch:
     """A drive on the network: m traversals in the order driven, and n samples as they were given.
 
-    A traversal is one uninterrupted stay on one segment in one direction, shape (m,) each:
-    ``segment`` indexes the network; ``forward`` is whether it was driven from from_node to to_node;
-    ``enter_m`` and ``leave_m`` are distances from from_node where the stay begins and ends, (0, length) when
-    driven whole forward and (length, 0) backward, partial at the ends of a run and at U-turns; ``start_m`` is
-    the distance along the path at entry, which grows through the whole drive and does not jump at breaks;
-    ``enter_time_s`` and ``leave_time_s`` are interpolated linearly between samples by distance along the path;
-    ``run`` numbers the connected stretches: within a run consecutive traversals meet at a node or turn on the
-    segment; ``confidence`` is the probability, 0..1, that the traversal is right, given that the model of the
-    matcher is (see ``DriveMatcher``).
+    A traversal is one uninterrupted stay on one segment in one direction. Its columns have shape (m,):
 
-    Per sample, shape (n,): ``traversal`` is the row above, -1 where unmatched (off the road, no position,
-    outlier); ``distance_m`` the distance along the path (scale of ``start_m``) of the sample's nearest point on
-    the path between its neighbouring kept samples, not forced to grow, so that within a run it falls by no
-    more than the noise of the positions; ``offset_m`` the distance to that point; both NaN where unmatched.
+    - ``segment`` indexes the network; ``forward``: it was driven from from_node to to_node.
+    - ``enter_m`` and ``leave_m`` are distances from from_node, where the stay begins and ends: (0, length) when driven
+      whole forward, (length, 0) backward, parts of that at the ends of a run and at U-turns.
+    - ``start_m`` is the distance along the path at entry. It grows through the whole drive and does not jump at breaks.
+    - ``enter_time_s`` and ``leave_time_s`` are interpolated linearly between samples, by distance along the path.
+    - ``run`` numbers the connected stretches: within one, consecutive traversals meet at a node or turn on the segment.
+    - ``confidence`` is the probability, 0..1, that the traversal is right if the matcher's model is (``DriveMatcher``).
+
+    Columns of the samples have shape (n,):
+
+    - ``traversal`` is the row above, -1 where unmatched: off the road, without a position, or an outlier.
+    - ``distance_m`` is the distance along the path (on the scale of ``start_m``) of the nearest point on the path
+      between the neighbouring kept samples. It is not forced to grow: within a run it may fall by the noise of the
+      positions.
+    - ``offset_m`` is the distance to that point. Both are NaN where unmatched.
     """
 
     segment: Ints

@@ -1,4 +1,4 @@
-"""How probable the best path is: forward-backward over the possible steps of a drive, compiled, and later doubts."""
+"""How probable the best path is: forward-backward over the possible steps of a drive (compiled), and what lowers it."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ from fusion.types import Floats, Ints
 
 
 class Posterior(NamedTuple):
-    """How probable the best path is, per kept sample k: that the sample lies on the chain of its state
-    (``at``); of the step from k - 1, that it touches the chain it leaves (``out``), the chain it reaches
-    (``into``), and that it goes from one to the other (``between``).
+    """How probable the best path is: four probabilities for each kept sample k.
+
+    ``at``: the sample lies on the chain of its state. The others are of the step from sample k - 1. ``out``: it
+    touches the chain that it leaves. ``into``: it touches the chain that it reaches. ``between``: it goes from one to
+    the other.
     """
 
     at: Floats
@@ -64,11 +66,11 @@ def posterior(
 def doubt_unseen_ways(
     chance: Posterior, intervals: Intervals, costs: Costs, lattice: Lattice, state: Ints, joined: Ints
 ) -> Posterior:
-    """The same with doubt in ``between`` where no sample saw the way.
+    """The same with a lower ``between`` where no sample saw the way.
 
-    Only the shortest way between two places is ever looked at. Over seconds without a position another one may
-    have been driven: the more the length differs from the straight line, or from the distance driven by the
-    speeds, the nearer the probability comes to a half of what it is.
+    Only the shortest way between two places is ever looked at. In seconds without a position another way may have been
+    driven. The more the length of the shortest one differs from the straight line, or from the distance by the speeds,
+    the lower the probability becomes, down to half of what it was.
     """
     before = np.concatenate([[START], state[:-1]])
     length = lattice.length_m[np.maximum(state, 0)] if len(lattice.length_m) else np.zeros(len(state))
@@ -95,10 +97,7 @@ def _forward(
         else:
             for i in range(transitions.start[k], transitions.start[k + 1]):
                 alpha[transitions.target[i]] += alpha[transitions.source[i]] * weight[i]
-            total = 0.0
-            for a in range(a0, b0):
-                total += alpha[a]
-            alpha_off[k] = off[k] * (alpha_off[k - 1] + total * switch[k])
+            alpha_off[k] = off[k] * (alpha_off[k - 1] + alpha[a0:b0].sum() * switch[k])
             for b in range(b0, b1):
                 alpha[b] = (alpha[b] + alpha_off[k - 1] * switch[k - 1]) * likelihood[b]
         _scale(alpha, b0, b1, alpha_off, k)
@@ -193,16 +192,9 @@ def _of_path(
             if cand.edge[a] == edge and cand.edge[b] == edge:
                 in_edge += p
         # The steps between candidates have their share of all; the rest goes over the off-road state.
-        share = _on_road(cand, k, gamma) / max(whole, 1e-300)
+        on_road = gamma[cand.start[k] : cand.start[k + 1]].sum()
+        share = on_road / max(whole, 1e-300)
         between[k] = from_left * share
         out[k] = at[k - 1] + _on_chain(cand, k, left, gamma) - in_left * share
         into[k] = at[k] + _on_chain(cand, k - 1, edge, gamma) - in_edge * share
     return Posterior(at, np.clip(out, 0.0, 1.0), np.clip(into, 0.0, 1.0), np.clip(between, 0.0, 1.0))
-
-
-@inlined
-def _on_road(cand: Candidates, k: int, gamma: Floats) -> float:
-    total = 0.0
-    for b in range(cand.start[k], cand.start[k + 1]):
-        total += gamma[b]
-    return total

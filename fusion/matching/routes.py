@@ -1,6 +1,6 @@
-"""From the lattice to the route: the states of the best path, the ways between them, and why it is interrupted.
+"""From the lattice to the route: the states of the best path, the ways between them, and why the path is interrupted.
 
-Over outliers, and over whole chains. Knows no segments: chains are split into these by ``stays``.
+Ways lead over outliers and over whole chains. Segments are not known here: ``stays`` splits chains into them.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ Knows no road.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,7 @@ from fusion.types import Floats, Ints
 _SPEED_STEP_S = 3.0  # speeds farther apart than this are a hole: what was driven in between is not known
 
 
-@dataclass(frozen=True, eq=False)
-class DriveSamples:
+class DriveSamples(NamedTuple):
     """The samples of a drive, checked: shape (n,) each, NaN where unknown."""
 
     time_s: Floats
@@ -45,22 +44,14 @@ class DriveSamples:
 
 
 @compiled
-def thin(
-    time: Floats,
-    x: Floats,
-    y: Floats,
-    speed: Floats,
-    spacing: float,
-    dwell_s: float,
-    dwell_mps: float,
-    widest: float,
-) -> Ints:
+def thin(drive: DriveSamples, spacing: float, dwell_s: float, dwell_mps: float, widest: float) -> Ints:
     """Indices of the samples to keep: each ``spacing`` metres from the one before.
 
-    After ``dwell_s`` without a kept sample the spacing grows by ``dwell_mps`` up to ``widest``, and samples
-    known to stand still (speed below 0.3 m/s) are kept only beyond ``widest``: positions wander while the
-    vehicle stands. The last sample is kept if it lies a quarter of the spacing from the last kept one.
+    After ``dwell_s`` without a kept sample the spacing grows by ``dwell_mps`` up to ``widest``. Samples that are
+    known to stand still (speed below 0.3 m/s) are kept only beyond ``widest``, since positions wander while a vehicle
+    stands. The last sample is kept if it lies a quarter of the spacing from the last kept one.
     """
+    time, x, y, speed = drive.time_s, drive.x_m, drive.y_m, drive.speed_mps
     n = len(x)
     chosen = np.empty(n, np.int64)
     count, last = 0, -1

@@ -1,6 +1,7 @@
-"""The path as stays: first on chains, from state to state and over the routes between, then on segments; compiled.
+"""Turns the best path into stays, first on chains and then on segments; compiled.
 
-Then every sample's place on the path, and by these the times at which the stays on segments begin and end.
+A chain is entered by a state or by a route between two states. Once the stays are laid, each sample gets its place on
+the path, and these places give the times at which the stays on segments begin and end.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from fusion.compiled import compiled, inlined
 from fusion.matching.chains import ChainGraph, end_of, rank_at
 from fusion.matching.lattice import ROUTE, START, TURN, Candidates, Lattice
 from fusion.matching.posterior import Posterior
+from fusion.matching.samples import DriveSamples
 from fusion.types import Floats, Ints
 
 _NEGLIGIBLE_M = 1e-6  # a stay no longer than that has no length
@@ -31,6 +33,10 @@ class ChainStays(NamedTuple):
     run: Ints
     confidence: Floats
 
+    def first(self, count: int) -> ChainStays:
+        """The first so many rows."""
+        return ChainStays._make(column[:count] for column in self)
+
 
 class Stays(NamedTuple):
     """The path as stays on segments; rows as in ``PathMatch``, ``rank`` instead of the segment's number."""
@@ -44,6 +50,16 @@ class Stays(NamedTuple):
     confidence: Floats
 
 
+class KeptSamples(NamedTuple):
+    """The m kept samples of a drive on its path: their indices among all samples, their distance along the path (NaN
+    off the road), and the connected stretch that each is on (-1).
+    """
+
+    sample: Ints
+    along_m: Floats
+    run: Ints
+
+
 @compiled
 def lay_chain_stays(
     graph: ChainGraph,
@@ -54,8 +70,8 @@ def lay_chain_stays(
     route_start: Ints,
     route: Ints,
     chance: Posterior,
-) -> tuple[ChainStays, Floats, Ints]:
-    """The stays on chains, and per kept sample its distance along the path (NaN off the road) and run (-1)."""
+) -> tuple[ChainStays, int, Floats, Ints]:
+    """The stays on chains (with room for more), how many they are, and ``along_m`` and ``run`` of the kept samples."""
     m = len(state)
     most = 2 * m + len(route)
     on_chains = ChainStays(
@@ -93,30 +109,15 @@ def lay_chain_stays(
         on_chains.leave_m[last] = max(on_chains.leave_m[last], at)
         on_chains.confidence[last] = max(on_chains.confidence[last], chance.at[k])
         along[k], runs[k] = before + on_chains.leave_m[last] - on_chains.enter_m[last], run
-    count = last + 1
-    return (
-        ChainStays(
-            on_chains.edge[:count],
-            on_chains.enter_m[:count],
-            on_chains.leave_m[:count],
-            on_chains.run[:count],
-            on_chains.confidence[:count],
-        ),
-        along,
-        runs,
-    )
+    return on_chains, last + 1, along, runs
 
 
 @compiled
 def _open(on_chains: ChainStays, last: int, edge: int, at: float, run: int) -> int:
     """Begin a stay on a chain after row ``last``; its row."""
     row = last + 1
-    on_chains.edge[row], on_chains.enter_m[row], on_chains.leave_m[row], on_chains.run[row] = (
-        edge,
-        at,
-        at,
-        run,
-    )
+    on_chains.edge[row], on_chains.run[row] = edge, run
+    on_chains.enter_m[row] = on_chains.leave_m[row] = at
     return row
 
 
@@ -206,20 +207,13 @@ def _write(
 
 @compiled
 def place_samples(
-    graph: ChainGraph,
-    stays: Stays,
-    x: Floats,
-    y: Floats,
-    thinned: Ints,
-    along: Floats,
-    run: Ints,
-    reach: Floats,
-    slack: float,
+    graph: ChainGraph, stays: Stays, drive: DriveSamples, kept: KeptSamples, reach: Floats, slack: float
 ) -> tuple[Ints, Floats, Floats]:
     """Per sample: stay (-1: none), distance along the path, offset. Each between its neighbouring kept samples.
 
     ``reach`` is the largest offset accepted, per sample; half of it beyond the end of a run.
     """
+    (thinned, along, run), x, y = kept, drive.x_m, drive.y_m
     n, m, rows = len(x), len(thinned), len(stays.rank)
     row, distance, offset = np.full(n, -1, np.int64), np.full(n, np.nan), np.full(n, np.nan)
     line = _lines(graph, stays)
@@ -287,14 +281,14 @@ def _lines(graph: ChainGraph, stays: Stays) -> Floats:
 
 
 def stay_times(
-    time: Floats, stays: Stays, thinned: Ints, along: Floats, run: Ints, row: Ints, distance: Floats
+    time: Floats, stays: Stays, kept: KeptSamples, row: Ints, distance: Floats
 ) -> tuple[Floats, Floats]:
     """Times of entry and exit of each stay, by distance along the path between the samples of its run."""
     span = np.abs(stays.leave_m - stays.enter_m)
     enter, leave = np.empty(len(span)), np.empty(len(span))
     known, of = distance.copy(), np.where(row >= 0, stays.run[row] if len(span) else -1, -1)
-    on = run >= 0
-    known[thinned[on]], of[thinned[on]] = along[on], run[on]
+    on = kept.run >= 0
+    known[kept.sample[on]], of[kept.sample[on]] = kept.along_m[on], kept.run[on]
     samples = np.flatnonzero(of >= 0)
     borders = np.searchsorted(of[samples], np.arange(int(stays.run[-1]) + 2 if len(span) else 1))
     rows = np.searchsorted(stays.run, np.arange(len(borders)))

@@ -1,7 +1,7 @@
 """Viterbi over the candidates of a drive, with bounded shortest paths between them; compiled.
 
-The helpers are handed whole groups of arrays, which costs nothing as they are pasted into the loop. Finds the best
-path; how probable that is, is for ``posterior`` to say.
+Helpers take whole groups of arrays, which costs nothing: they are pasted into the loop. This file finds the best path;
+``posterior`` says how probable it is.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ def _begin(cand: Candidates, lattice: Lattice, k: int) -> None:
 
 @inlined
 def _finish(cand: Candidates, intervals: Intervals, costs: Costs, lattice: Lattice, k: int) -> None:
-    """Intervals between road and off-road, the likelihood of sample k everywhere; the far worse candidates go."""
+    """Leave the road or come back to it, add the likelihood of sample k everywhere, and drop far worse candidates."""
     point = cand.off[k]
     lattice.off_cost[k], lattice.off_back[k] = lattice.off_cost[k - 1] + point, OFF
     for a in range(cand.start[k - 1], cand.start[k]):
@@ -222,10 +222,10 @@ def _finish(cand: Candidates, intervals: Intervals, costs: Costs, lattice: Latti
 
 @compiled
 def viterbi(model: Model) -> tuple[Lattice, Transitions, int]:
-    """The best path through all samples, every step that was possible, and the state of the last.
+    """The best path through all samples, every step that was possible, and the state of the last sample.
 
-    The states are candidates or OFF. A step is no longer than the straight distance (or the distance driven)
-    and a slack; where nothing is reached so, and where seconds pass, twice that distance and the slack.
+    The states are candidates or OFF. A step may be as long as the straight distance (or the distance driven) plus a
+    slack. Where nothing is reached so, or where more than seconds pass, it may be twice that distance plus the slack.
     """
     cand, intervals, costs = model.cand, model.intervals, model.costs
     m, total = len(intervals.outage), len(cand.edge)

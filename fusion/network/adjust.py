@@ -70,4 +70,4 @@ def adjust(
                 model.learn(solution, number == 0)
             if surveyed:
                 surveyed.learn(solution)
-    return published(road.unknowns, beliefs, model, solution, road.usual, surveyed)
+    return published(road.unknowns, beliefs, model, solution, surveyed)

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fusion.arrays import ColumnTable
 from fusion.errors import ControlError
 from fusion.frames import METRES_PER_DEGREE, SHORTEST_DEGREE_M
 from fusion.network.curve import height_variance, height_weights
@@ -105,29 +107,19 @@ def _point(path: Path, line: int, cells: dict[str, str]) -> ControlPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class ControlHeights:
+class ControlHeights(ColumnTable):
     """Heights of m places on roads, columns (m,): ``row`` of a road table, ``along_m`` from its from_node."""
 
     row: Ints
     along_m: Floats
     height_m: Floats
     sigma_m: Floats
-    names: tuple[str, ...]
-
-    def __len__(self) -> int:
-        return len(self.row)
+    names: NDArray[np.str_]
 
     def among(self, kept: Bools) -> ControlHeights:
         """Those on rows that are ``kept`` (n,) of their table, for the table of these rows alone."""
-        mine = kept[self.row]
-        number = np.cumsum(kept) - 1
-        return ControlHeights(
-            number[self.row[mine]],
-            self.along_m[mine],
-            self.height_m[mine],
-            self.sigma_m[mine],
-            tuple(name for name, one in zip(self.names, mine.tolist(), strict=True) if one),
-        )
+        inside = self.take(kept[self.row])
+        return replace(inside, row=(np.cumsum(kept) - 1)[inside.row])
 
 
 def place(points: Sequence[ControlPoint], table: RoadTable) -> tuple[ControlHeights, list[ControlPoint]]:
@@ -145,7 +137,7 @@ def place(points: Sequence[ControlPoint], table: RoadTable) -> tuple[ControlHeig
         np.array([along for _, along, _ in placed], float),
         np.array([point.height_m for _, _, point in placed], float),
         np.array([point.sigma_m for _, _, point in placed], float),
-        tuple(point.called for _, _, point in placed),
+        np.array([point.called for _, _, point in placed], np.str_),
     )
     return heights, far
 

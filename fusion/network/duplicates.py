@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fusion.arrays import nearest
 from fusion.types import Floats, Ints
 
 SAME_SHARE = 0.75
@@ -98,6 +99,4 @@ def _spacing(epoch_s: Floats) -> float:
 
 def _nearest_s(times: Floats, others: Floats) -> Floats:
     """How far each of ``times`` is from the nearest of ``others`` (ascending), s."""
-    right = np.clip(np.searchsorted(others, times), 0, len(others) - 1)
-    left = np.maximum(right - 1, 0)
-    return np.asarray(np.minimum(np.abs(others[right] - times), np.abs(others[left] - times)))
+    return np.asarray(np.abs(others[nearest(others, times)] - times))

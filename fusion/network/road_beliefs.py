@@ -10,11 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
+from fusion.arrays import counted
 from fusion.frames import METRES_PER_DEGREE
 from fusion.network.curve import smoothness_block
 from fusion.network.equations import Blocks, Solution
 from fusion.network.joints import couplings
 from fusion.network.pass_factor import PassFactor
+from fusion.network.subnetwork import joined_parts
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
@@ -70,10 +72,10 @@ class RoadBeliefs:
             weak = np.diag(np.tile([0.0, GRADE_SIGMA**-2], n + 1)) + 1e-12  # every pair shares an equation
             every = np.broadcast_to(weak, (len(mine), *weak.shape))
             self.fixed.append(Blocks(variables, every, np.zeros(variables.shape), np.ones(len(mine))))
-        row, knot = _counted(u.intervals + 1)
+        row, knot = counted(u.intervals + 1)
         self.levels = Blocks.of_rows((u.first[row] + 2 * knot)[:, None], np.ones(1), 0.0, 1.0)
         self.levels.weight = _level_information(u)[row]
-        self._row, self._step = row, step = _counted(u.intervals)
+        self._row, self._step = row, step = counted(u.intervals)
         first = u.first[row] + 2 * step
         unit = smoothness_block((u.length_m / u.intervals)[row])
         none = np.zeros((len(row), 4))
@@ -133,18 +135,9 @@ def _as_drives_learned(places: Places, passes: Sequence[PassFactor]) -> Floats:
 
 def _level_information(u: RoadUnknowns) -> Floats:
     """What is known of the height of each knot of a segment, (n,): its share of ``LEVEL_SIGMA_M``."""
-    joined = sparse.coo_matrix(
-        (np.ones(len(u.start_node)), (u.start_node, u.end_node)), shape=(u.nodes, u.nodes)
-    )
-    _, part = sparse.csgraph.connected_components(joined, directed=False)
+    part = joined_parts(u.nodes, u.start_node, u.end_node)
     knots = np.bincount(part[u.start_node], u.intervals + 1.0)
     return np.asarray(LEVEL_SIGMA_M**-2.0 / knots[part[u.start_node]])
-
-
-def _counted(count: Ints) -> tuple[Ints, Ints]:
-    """For each of ``count`` (n,) things of every row: the row, and its number there."""
-    row = np.repeat(np.arange(len(count)), count)
-    return row, np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
 
 
 def _open_intervals(u: RoadUnknowns, row: Ints, step: Ints, passes: Sequence[PassFactor]) -> Bools:

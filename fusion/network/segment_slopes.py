@@ -10,14 +10,7 @@ import numpy as np
 
 from fusion.network.combine import NETWORK_ONLY, SlopePart
 from fusion.network.control import ControlBeliefs
-from fusion.network.curve import (
-    grade_rows,
-    grade_variance,
-    height_rows,
-    height_variance,
-    place_rows,
-    slope_rows,
-)
+from fusion.network.curve import place_rows, slope_rows
 from fusion.network.drive_beliefs import REJECT_SIGMAS, DriveBeliefs
 from fusion.network.equations import Solution
 from fusion.network.steepest import steepest
@@ -30,8 +23,6 @@ PLACE_SIGMA_M = 2.0
 KNOWN_SIGMA_M = 500.0
 """Heights less sure than this are unknown: no sensor of heights, elevation model or control point speaks of them. The
 pressure of an unknown day still tells them to 300 m (``drive_beliefs.START_SIGMA_M``)."""
-PROFILE_STEP_M = 5.0
-"""Places of a profile are at most so far apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +58,6 @@ class Adjustment:
     solution: Solution
     unknowns: RoadUnknowns
     model: TerrainBlocks | None
-    roughness: Floats
-    """The usual variance of the grade's change per metre about each segment, 1/m"""
     remarks: list[str]
     """Sentences on control points that the drives contradict"""
 
@@ -86,39 +75,12 @@ class Adjustment:
             for row, count, seen in zip(rows, drives, self.observations.tolist(), strict=True)
         ]
 
-    def profile(self, row: int, step_m: float = PROFILE_STEP_M) -> Profile:
-        """The road between the ends of a segment, at places at most ``step_m`` apart.
-
-        Its ends are the segment's own, not its nodes', which agree with them to the camber (``NODE_SIGMA_M``).
-        """
-        u = self.unknowns
-        length, rough = float(u.length_m[row]), float(self.roughness[row])
-        at = np.linspace(0.0, length, int(np.ceil(length / step_m - 1e-9)) + 1)
-        mine = u.variables(np.array([row]))
-        x, covariance = self.solution.x[mine[0]], self.solution.equations.covariance(mine)[0]
-        up, along = height_rows(at, length), grade_rows(at, length)
-        height_m2 = np.sum(up @ covariance * up, axis=1) + height_variance(at, length, rough)
-        grade2 = np.sum(along @ covariance * along, axis=1) + grade_variance(at, length, rough)
-        return Profile(at, up @ x, np.sqrt(height_m2), along @ x, np.sqrt(grade2))
-
-
-@dataclass(frozen=True, eq=False)
-class Profile:
-    """Heights and grades (from_node to to_node, 1 = 100 %) of a segment at m places, with their sigmas, each (m,)."""
-
-    distance_m: Floats
-    height_m: Floats
-    height_sigma_m: Floats
-    grade: Floats
-    grade_sigma: Floats
-
 
 def published(
     u: RoadUnknowns,
     beliefs: DriveBeliefs,
     model: TerrainBlocks | None,
     solution: Solution,
-    roughness: Floats,
     control: ControlBeliefs | None = None,
 ) -> Adjustment:
     """Slopes with their sigmas, and which passes are accepted."""
@@ -145,7 +107,7 @@ def published(
     unknown = ~np.isfinite(slope + sigma)
     heights = _node_heights(u, solution)
     heights[:, unknown | ~(heights[2] < KNOWN_SIGMA_M)] = np.nan
-    stretch = np.array(steepest(solution.x, u.first, u.intervals, u.length_m))
+    stretch = steepest(solution.x, u.first, u.intervals, u.length_m)
     stretch[:, unknown] = np.nan
     return Adjustment(
         slope_percent=slope,
@@ -167,7 +129,6 @@ def published(
         solution=solution,
         unknowns=u,
         model=model,
-        roughness=roughness,
         remarks=control.remarks(solution) if control else [],
     )
 

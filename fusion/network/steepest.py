@@ -16,18 +16,6 @@ _EQUAL = 1e-9
 """Of stretches as steep as each other the first counts; rounding must not choose."""
 
 
-def steepest(knots: Floats, first: Ints, intervals: Ints, length_m: Floats) -> tuple[Floats, Floats, Floats]:
-    """Mean grade over the steepest ``STRETCH_M`` of each segment (n,), signed, and where it begins and ends, m.
-
-    ``knots`` holds height and grade at each knot in turn, those of a segment from ``first`` on. The mean grade is the
-    difference of height over the distance; the whole segment counts where it is shorter than the stretch.
-    """
-    out = np.empty((3, len(first)))
-    _search(knots, first, intervals, length_m, out)
-    grade, begin, end = out
-    return grade, begin, end
-
-
 @compiled
 def _height(knots: Floats, first: int, intervals: int, length_m: float, at_m: float) -> float:
     spacing = length_m / intervals
@@ -42,7 +30,13 @@ def _height(knots: Floats, first: int, intervals: int, length_m: float, at_m: fl
 
 
 @compiled
-def _search(knots: Floats, first: Ints, intervals: Ints, length_m: Floats, out: Floats) -> None:
+def steepest(knots: Floats, first: Ints, intervals: Ints, length_m: Floats) -> Floats:
+    """Mean grade over the steepest ``STRETCH_M`` of each segment, signed, and where it begins and ends, m: (3, n).
+
+    ``knots`` holds height and grade at each knot in turn, those of a segment from ``first`` on. The mean grade is the
+    difference of height over the distance; the whole segment counts where it is shorter than the stretch.
+    """
+    out = np.empty((3, len(first)))
     for row in range(len(first)):
         length = length_m[row]
         stretch = min(STRETCH_M, length)
@@ -56,3 +50,4 @@ def _search(knots: Floats, first: Ints, intervals: Ints, length_m: Floats, out: 
                 best, where = abs(grade), begin
                 out[0, row] = grade
         out[1, row], out[2, row] = where, where + stretch
+    return out

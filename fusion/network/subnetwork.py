@@ -12,6 +12,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from fusion.arrays import counted
 from fusion.frames import SHORTEST_DEGREE_M
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
@@ -82,13 +83,13 @@ def outward_gaps(
     gap = np.flatnonzero(solved & ~driven)
     known = np.zeros(len(near), bool)
     known[start[along]] = known[end[along]] = True
-    part = _parts(len(near), start[along], end[along])
+    part = joined_parts(len(near), start[along], end[along])
     open_parts = np.unique(part[known & ~near])
     # Gaps hang together at nodes that nobody drove over: each end of one is such a node, or one of its own.
     row = np.concatenate([gap, gap])
     node = np.concatenate([start[gap], end[gap]])
     own = len(near) + np.tile(np.arange(len(gap)), 2)
-    cluster = _parts(len(near) + len(gap), own, np.where(known[node], own, node))[own]
+    cluster = joined_parts(len(near) + len(gap), own, np.where(known[node], own, node))[own]
     outer = known[node] & np.isin(part[node], open_parts)
     meets = np.unique(np.column_stack([cluster[outer], part[node[outer]]]), axis=0)
     between = np.bincount(meets[:, 0], minlength=len(near) + len(gap)) > 1
@@ -107,7 +108,7 @@ def _near_nodes(network: RoadTable, rows: Bools, touched: Bools, radius_m: float
     return np.asarray(distance <= radius_m, np.bool_), start, end
 
 
-def _parts(size: int, one: Ints, other: Ints) -> Ints:
+def joined_parts(size: int, one: Ints, other: Ints) -> Ints:
     """The number of the part that each of ``size`` nodes is in, which these pairs join."""
     joined = sparse.coo_matrix((np.ones(len(one)), (one, other)), shape=(size, size))
     return np.asarray(connected_components(joined, directed=False)[1], np.int64)
@@ -176,10 +177,8 @@ def boxes_around(lon0: Floats, lat0: Floats, lon1: Floats, lat1: Floats, radius_
     widening = margin / np.cos(np.radians(np.minimum(np.maximum(np.abs(south), np.abs(north)), _HIGHEST_DEG)))
     west, east = np.minimum(lon0, lon1) - widening, np.maximum(lon0, lon1) + widening
     first, last = np.floor(south / step).astype(np.int64), np.floor(north / step).astype(np.int64)
-    strips = last - first + 1
-    line = np.repeat(np.arange(len(strips)), strips)
-    strip = np.repeat(first, strips) + np.arange(len(line)) - np.repeat(np.cumsum(strips) - strips, strips)
-    return _runs(strip, west[line], east[line], step)
+    line, strip = counted(last - first + 1)
+    return _runs(first[line] + strip, west[line], east[line], step)
 
 
 def _runs(strip: Ints, west: Floats, east: Floats, step: float) -> Floats:

@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
 
+from fusion.arrays import counted
 from fusion.network.equations import Blocks, Solution
+from fusion.network.subnetwork import joined_parts
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats
@@ -102,10 +103,7 @@ class TerrainBlocks:
         clear = ~(structure | touched[unknowns.start_node] | touched[unknowns.end_node])
         first = np.concatenate([[0], np.cumsum(unknowns.intervals + 1)])
         self._unknowns, self._first, self._clear, self._driven = unknowns, first, clear, driven
-        rows = np.repeat(np.arange(len(clear)), unknowns.intervals)
-        step = np.arange(len(rows)) - np.repeat(
-            np.cumsum(unknowns.intervals) - unknowns.intervals, unknowns.intervals
-        )
+        rows, step = counted(unknowns.intervals)
         self._knot = first[rows] + step
         known = clear[rows] & np.isfinite(terrain.height_m[self._knot] + terrain.height_m[self._knot + 1])
         rows, step, self._knot = rows[known], step[known], self._knot[known]
@@ -114,13 +112,10 @@ class TerrainBlocks:
         start = unknowns.first[rows] + 2 * step
         pair = np.column_stack([start, start + 2])
         zero = np.zeros(len(rows))
-        self.steps = Blocks.of_rows(
-            pair, np.array([-1.0, 1.0]), terrain.height_m[self._knot + 1] - terrain.height_m[self._knot], 1.0
-        )
-        self.level = Blocks.of_rows(
-            pair.reshape(-1, 1), np.ones((2 * len(rows), 1)),
-            np.column_stack([terrain.height_m[self._knot], terrain.height_m[self._knot + 1]]).ravel(), 1.0,
-        )  # fmt: skip
+        ends = np.column_stack([terrain.height_m[self._knot], terrain.height_m[self._knot + 1]])
+        self._rise_m = ends[:, 1] - ends[:, 0]
+        self.steps = Blocks.of_rows(pair, np.array([-1.0, 1.0]), self._rise_m, 1.0)
+        self.level = Blocks.of_rows(pair.reshape(-1, 1), np.ones((2 * len(rows), 1)), ends.ravel(), 1.0)
         self.steps.weight, self.level.weight = zero.copy(), np.zeros(2 * len(rows))
         self.sigma_m, self.length_m = terrain.sigma_m, terrain.length_m
         self.tail = np.ones(len(rows))
@@ -171,9 +166,7 @@ class TerrainBlocks:
     def _displaced(self, solution: Solution) -> tuple[int, Displaced] | None:
         """The worst of all networks of driven roads that hang together: heights do not carry from one to another."""
         u, above = self._unknowns, self.level.vector[::2, 0] - solution.x[self.level.variables[::2, 0]]
-        node = np.column_stack([u.start_node, u.end_node])[self._driven]
-        joined = sparse.coo_matrix((np.ones(len(node)), node.T), shape=(u.nodes, u.nodes))
-        _, part = sparse.csgraph.connected_components(joined, directed=False)
+        part = joined_parts(u.nodes, u.start_node[self._driven], u.end_node[self._driven])
         driven = np.flatnonzero(self._driven[self._row])
         part = part[u.start_node[self._row[driven]]]
         sentences = []
@@ -190,8 +183,7 @@ class TerrainBlocks:
     def _step_errors(self, solution: Solution) -> tuple[Floats, Floats]:
         """The differences' errors, m, and their variances under the solution, m^2."""
         pair = self.steps.variables
-        height = self.terrain.height_m
-        error = np.diff(solution.x[pair], axis=1)[:, 0] - (height[self._knot + 1] - height[self._knot])
+        error = np.diff(solution.x[pair], axis=1)[:, 0] - self._rise_m
         c = solution.equations.covariance(pair)
         return error, np.maximum(c[:, 0, 0] + c[:, 1, 1] - 2 * c[:, 0, 1], 0.0)
 

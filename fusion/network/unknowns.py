@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fusion.arrays import counted
 from fusion.network.curve import interval_count, knot_length
 from fusion.network.pass_factor import CONSTANTS, ENTRY, LAG, NUISANCES, SETTINGS, PassFactor
 from fusion.roads.table import RoadTable
@@ -94,9 +95,8 @@ class DriveUnknowns:
 def knot_positions(network: RoadTable) -> tuple[Floats, Floats]:
     """Longitude and latitude of the knots of all segments, one segment after another, degrees."""
     intervals = interval_count(knot_length(network.length_m))
-    row = knot_rows(network)
-    before = np.concatenate([[0], np.cumsum(intervals + 1)[:-1]]) if len(network) else np.empty(0, np.int64)
-    share = (np.arange(len(row)) - before[row]) / intervals[row]
+    row, knot = counted(intervals + 1)
+    share = knot / intervals[row]
     lon = network.lon0_deg[row] + share * (network.lon1_deg - network.lon0_deg)[row]
     lat = network.lat0_deg[row] + share * (network.lat1_deg - network.lat0_deg)[row]
     return lon, lat

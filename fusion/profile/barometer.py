@@ -23,24 +23,24 @@ DEVICE_SIGMA_K = 5.0
 PLAUSIBLE_K = (223.15, 323.15)
 """-50 to 50 degrees Celsius: what is outside is no air that anybody drives in."""
 SPAN_S = 8.0
-"""Changes of height are compared over this long: a vehicle brakes and pulls away in less, and neither the errors of
-heights nor those of Doppler, added up, have grown beyond what a braking shows."""
+"""Changes of height are compared over this long. A vehicle brakes and pulls away in less time, and the errors of
+heights, or of Doppler added up, are still smaller than what a braking shows."""
 BLOCK_S = 60.0
-"""In this time a barometer drifts evenly, and changes of speed have their beginning and end: half a minute of pulling
-away, cut by shorter blocks, would go into their levels."""
+"""In this time a barometer drifts evenly, and a change of speed begins and ends. Shorter blocks would cut half a minute
+of pulling away in pieces, and each piece would go into the level of its block."""
 LEAST_GAIN = 0.3
-"""Where heights follow the barometer less than this they are no measure of it."""
+"""Heights that follow the barometer by a smaller factor are no measure of it."""
 HOLE_S = 2.5
 """Samples farther apart have a hole between them."""
 USUAL_SPEED_PRESSURE = 0.15
-"""Share of the dynamic pressure that a sensor in or on a vehicle usually feels, either sign: 0.07 in a cabin, where
-100 km/h (4.6 hPa) make 0.3 hPa; more in the wind."""
+"""Share of the dynamic pressure that a sensor in or on a vehicle usually feels, of either sign. In a cabin it is 0.07:
+100 km/h (4.6 hPa) make 0.3 hPa there. In the wind it is more."""
 CLEAR = 2.0
-"""... and from so many sigmas on it is set right: hardly any sensor on a vehicle feels nothing of it."""
+"""Sigmas from which on that share is set right: hardly any sensor on a vehicle feels nothing of the pressure."""
 MOST_SPEED_PRESSURE = 1.0
 """Nothing on a vehicle has more than the whole dynamic pressure, nor much less than minus that."""
 SPEED_PRESSURE_FLOOR = 0.01
-"""One sigma of what the comparison itself may be wrong by: 0.4 m between standing and 100 km/h."""
+"""One sigma of the error of the comparison itself: 0.4 m between standing and 100 km/h."""
 
 
 def pressure_heights(
@@ -66,8 +66,8 @@ def standard_height(pressure_pa: Floats) -> Floats:
 def air_scale(temperature_k: Floats, height_m: float) -> float:
     """Metres of real air for a metre of the standard atmosphere's, about ``height_m``, by a device's temperatures (n,).
 
-    Layers of equal pressures are as thick as they are warm (hypsometric equation; Wallace and Hobbs 2006, 3.29). The
-    device is believed as far as its thermometer tells more of the air than the calendar does: 80 %.
+    The distance between two pressures grows with the temperature (hypsometric equation; Wallace and Hobbs 2006, 3.29).
+    The device is believed by 80 %: as far as its thermometer tells more of the air than the calendar does.
     """
     low, high = PLAUSIBLE_K
     plausible = temperature_k[(temperature_k >= low) & (temperature_k <= high)]
@@ -97,9 +97,9 @@ def _head(speed: Floats) -> Floats:
 def speed_pressure(log: DriveLog, speed_time: Floats, speed: Floats) -> Estimate:
     """The share of the dynamic pressure that the sensor feels; 0 in still air.
 
-    Learned against heights by Doppler, else by GNSS: how much higher the drive is, over ``SPAN_S``, than the barometer
-    says, by how much the head of the speed has grown. What else the barometer may do wrong is beside it: a scale, and a
-    lag, which shows as a change of the climb.
+    It is learned against heights by Doppler, else by GNSS. Over ``SPAN_S`` the drive rises more than the barometer
+    says, in proportion to the growth of the speed's head. The regression also takes up what else may be wrong with
+    the barometer: a scale, and a lag, which shows as a change of the climb.
     """
     time, shown = _still_air(log.pressure)
     if len(time) < 2 or len(speed_time) < 2:

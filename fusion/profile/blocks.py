@@ -1,8 +1,8 @@
 """Regressions over a drive in which each block of time has a level of its own, and how sure they are.
 
-What changes slowly (grade, bias, mount, drift of a barometer) goes into the levels. Sums of products are kept by block,
-so that leaving out each block in turn shows the sigma of an estimate, whatever its errors are like (jackknife; Efron
-and Tibshirani 1993, chapter 11).
+What changes slowly (grade, bias, mount, drift of a barometer) goes into the levels. Sums of products are kept for each
+block. The estimate is made again without each block in turn, and the scatter of these estimates is its sigma, whatever
+the errors are like (jackknife; Efron and Tibshirani 1993, chapter 11).
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Estimate(NamedTuple):
     sigma: float
 
     def worth(self, usual: float, clear: float = CLEAR) -> float:
-        """What of it to set right: 0 below ``clear`` sigmas, else drawn to 0 as errors are of the size ``usual``."""
+        """How much to set right: nothing below ``clear`` sigmas, else the value, drawn to 0 by the ``usual`` size."""
         if not abs(self.value) > clear * self.sigma:
             return 0.0
         return self.value * usual**2 / (usual**2 + self.sigma**2)
@@ -100,9 +100,9 @@ def inliers(columns: Floats, block: Ints) -> Bools:
 
 
 def alone(total: Floats, of: int, besides: Sequence[int]) -> Floats:
-    """What each column has in common with the part of column ``of`` that others do not explain, shape (k,).
+    """What each column has in common with the part of column ``of`` that ``besides`` do not explain, shape (k,).
 
-    By sums of products (k, k).
+    ``total`` are sums of products of all columns, (k, k).
     """
     others = list(besides)
     share = np.linalg.lstsq(total[np.ix_(others, others)], total[others, of], rcond=1e-9)[0]
@@ -112,7 +112,8 @@ def alone(total: Floats, of: int, besides: Sequence[int]) -> Floats:
 def jackknife(sums: Floats, estimate: Callable[[Floats], float]) -> Estimate:
     """The estimate from sums (..., blocks) over all blocks, and its sigma from leaving out each block in turn.
 
-    A sigma from few blocks is uncertain itself: it is widened so that ``CLEAR`` of them are as rare as of a Gaussian.
+    A sigma from few blocks is uncertain itself. It is widened until an error of ``CLEAR`` sigmas is as rare as it is
+    for a Gaussian.
     """
     some = np.flatnonzero(np.any(sums.reshape(-1, sums.shape[-1]) != 0, axis=0))
     if len(some) < MIN_BLOCKS:

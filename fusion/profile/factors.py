@@ -1,8 +1,9 @@
 """From a drive to its passes' factors: what each pass says about the heights of its segment.
 
-Chooses which passes count, numbers them, and sums the measurements of each into a likelihood over the knots of the road
-and the drive's own errors. What hangs together within a pass only (the wander of the mount on its springs, the way that
-a height sensor's error takes) is integrated out; what the drive carries on stays an unknown. Knows no other drive.
+Passes that count are chosen and numbered. The measurements of each are summed into a likelihood over the knots of the
+road and the drive's own errors. Errors that belong to one pass alone are integrated out: the wander of the mount on its
+springs, and the way that a height sensor's error takes. Errors that the drive carries on stay unknowns. No other drive
+is known here.
 """
 
 from __future__ import annotations
@@ -12,11 +13,15 @@ import numpy as np
 from fusion.compiled import compiled
 from fusion.network.curve import variable_count
 from fusion.network.pass_factor import NUISANCES, PLACE_PART_S, PLACE_TAU_S, PassFactor
-from fusion.profile.measurements import Measurements
-from fusion.profile.model import DRIFT, JUMP_SIGMA, MOUNT, SmootherEpochs
-from fusion.profile.noise import Learned
+from fusion.profile.model import DRIFT, JUMP_SIGMA, MOUNT
 from fusion.profile.path import DrivenPath
-from fusion.profile.traversals import PLACE_SIGMA_M, Altimeter, OnTraversals, on_traversals, segment_lengths
+from fusion.profile.traversals import (
+    PLACE_SIGMA_M,
+    OnTraversals,
+    SmoothedDrive,
+    on_traversals,
+    segment_lengths,
+)
 from fusion.types import Bools, Floats, GnssFix, Ints
 
 
@@ -33,10 +38,8 @@ def likelihoods(
     information, vector = np.zeros(int((size**2).sum())), np.zeros(int(size.sum()))
     square = np.zeros(len(size))
     sum_passes(
-        data.first.astype(np.int64), size, data.variable, data.weights, data.constants, data.passing,
-        data.height_sensor, data.value, data.variance, data.time_s, match.enter_time_s, match.leave_time_s,
-        np.array(walk_m2_per_s), drift_jumps_s, JUMP_SIGMA[DRIFT] ** 2,
-        information, vector, square,
+        data, size, match.enter_time_s, match.leave_time_s, np.array(walk_m2_per_s), drift_jumps_s,
+        JUMP_SIGMA[DRIFT] ** 2, information, vector, square,
     )  # fmt: skip
     matrices = np.split(information, np.cumsum(size**2))[:-1]
     vectors = np.split(vector, np.cumsum(size))[:-1]
@@ -48,16 +51,8 @@ def likelihoods(
 
 @compiled
 def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
-    first: Ints,
+    data: OnTraversals,
     size: Ints,
-    variable: Ints,
-    weights: Floats,
-    constants: Floats,
-    passing: Floats,
-    height_sensor: Ints,
-    value: Floats,
-    variance: Floats,
-    time_s: Floats,
     enter_s: Floats,
     leave_s: Floats,
     walk_m2_per_s: Floats,
@@ -69,9 +64,10 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
 ) -> None:
     """Fill ``information``, ``vector`` and ``square`` (see ``likelihoods``) from the measurements of each pass.
 
-    The unknowns of a pass are the knots, the constants, two height errors at entry and two now, which are those at
-    exit when all is summed, and behind them the wander of the mount, which is integrated out.
+    The unknowns of a pass are, in this order: the knots, the constants, two height errors at entry, two height errors
+    now (those at exit once all is summed), and the pass's own errors, which are integrated out.
     """
+    variable, weights, constants, passing, height_sensor, value, variance, time_s, first = data
     present = np.zeros(2, np.bool_)
     for i in range(len(value)):
         if height_sensor[i] >= 0:
@@ -175,26 +171,20 @@ def step(matrix: Floats, right: Floats, total: float, e: int, variance: float) -
 
 
 MIN_CONFIDENCE = 0.5
-"""A traversal that is less probably right than this says nothing."""
+"""A traversal that is right with a lower probability says nothing."""
 PLACE_BOUNDS_M = (0.3, 30.0)
-"""Between a lane's width and a match that is hardly one: stated accuracies are no better than the map."""
+"""Bounds on the accuracies that fixes state. No place is better known than the map; above the upper bound there is
+hardly a match."""
 _SAME_INSTANT_S = 0.2
 
 
-def pass_factors(
-    measured: Measurements,
-    epochs: SmootherEpochs,
-    learned: Learned,
-    path: DrivenPath,
-    altimeter: Altimeter,
-    fix: GnssFix,
-) -> list[PassFactor]:
+def pass_factors(drive: SmoothedDrive, fix: GnssFix) -> list[PassFactor]:
     """The factors of all traversals that are probably right and were recorded whole, in driving order."""
-    own, common = place_sigma(path, fix)
-    data = on_traversals(measured, epochs, learned, path, altimeter, own, common)
+    path, learned = drive.path, drive.learned
+    data = on_traversals(drive, *place_sigma(path, fix))
     walk = (learned.expected.drift, learned.expected.baro_drift)
-    summed = likelihoods(data, path, walk, _times_of(epochs, learned, DRIFT))
-    mount = _mount(path, _times_of(epochs, learned, MOUNT))
+    summed = likelihoods(data, path, walk, _times_of(drive, DRIFT))
+    mount = _mount(path, _times_of(drive, MOUNT))
     length, scale = segment_lengths(path)
     match, factors, place = path.match, [], _place(path)
     for k in np.flatnonzero(_usable(path)).tolist():
@@ -219,18 +209,20 @@ def pass_factors(
                 first_time_s=float(match.enter_time_s[k]),
                 last_time_s=float(match.leave_time_s[k]),
                 place=int(place[k]),
-                lag_s=altimeter.lag_s,
+                lag_s=drive.altimeter.lag_s,
             )
         )
     return factors
 
 
 def place_sigma(path: DrivenPath, fix: GnssFix) -> tuple[Floats, Floats]:
-    """How far the n traversals lie from where they are thought, m: (n,) by itself each, and (n, 2) farther along the
-    road for one sigma of what its part of the drive has in common, to the east and to the north.
+    """By how much the places of the n traversals along the road are wrong, one sigma, m.
 
-    Positions are wrong for as long as heights (``PLACE_TAU_S``), by one axis of the accuracy that fixes state; what
-    they change by on the way is the traversal's own.
+    The first part (n,) is an error of each alone. The second (n, 2) is how far a traversal lies farther along the
+    road for one sigma of a common error to the east and to the north.
+
+    Positions err by one axis of the accuracy that fixes state, for as long as heights do (``PLACE_TAU_S``). This is the
+    common error of a part of the drive. By how much it changes during a traversal is the traversal's own error.
     """
     match = path.match
     stated = np.isfinite(fix.h_acc_m)
@@ -261,15 +253,16 @@ def _usable(path: DrivenPath) -> Bools:
     return np.asarray((match.confidence >= MIN_CONFIDENCE) & (match.enter_m != match.leave_m) & ~unrecorded)
 
 
-def _times_of(epochs: SmootherEpochs, learned: Learned, state: int) -> Floats:
+def _times_of(drive: SmoothedDrive, state: int) -> Floats:
     """When a state changed suddenly, s, ascending."""
-    return np.sort([float(epochs.time_s[k]) for k, s in learned.jumps if s == state])
+    return np.sort([float(drive.epochs.time_s[k]) for k, s in drive.learned.jumps if s == state])
 
 
 def _mount(path: DrivenPath, moved_s: Floats) -> Ints:
-    """The number of each traversal's setting of the mount: one more after each change, and one for a pass in between.
+    """The number of each traversal's setting of the mount. Each change of the mount begins a new one.
 
-    A pass on which the mount moved, within a second, has a setting of its own: of its two nobody knows which.
+    A pass during which the mount moved (or within a second of it) has a setting of its own: nobody knows which of the
+    two it shows.
     """
     enter, leave = path.match.enter_time_s, path.match.leave_time_s
     number = 2 * np.searchsorted(moved_s, 0.5 * (enter + leave))
@@ -281,6 +274,6 @@ def _mount(path: DrivenPath, moved_s: Floats) -> Ints:
 
 
 def _instants(data: OnTraversals, rows: slice) -> int:
-    """Instants at which anything was measured; at least 1, as the measurements around a short segment count as well."""
+    """Instants at which anything was measured; at least 1, since measurements around a short segment count as well."""
     time_s = np.sort(data.time_s[rows])
     return 1 + int(np.count_nonzero(np.diff(time_s) > _SAME_INSTANT_S)) if len(time_s) else 1

@@ -1,7 +1,7 @@
 """Inertial data put right before they are used: their lag against GNSS, and the yaw of their sensor in the vehicle.
 
-Both are learned from the drive itself, and nothing is done where they are not clear: changes of velocity over about a
-second by GNSS are compared with what the inertial sensor shows of them.
+Both are learned from the drive itself: changes of velocity by GNSS, over about a second, are compared with what the
+inertial sensor shows of them. Where a lag or a yaw is not clear, nothing is done.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
+from fusion.arrays import ColumnTable
 from fusion.frames import GRAVITY_MPS2, wrap_angle
 from fusion.profile.blocks import (
     NOTHING,
@@ -29,7 +30,7 @@ from fusion.profile.blocks import (
 from fusion.types import Bools, DriveLog, Floats, Ints
 
 WINDOW_S = 1.0
-"""Changes of velocity are taken over this long: of Doppler's 0.05 m/s they are clear, and no manoeuvre is lost."""
+"""Changes of velocity are taken over this long: they are far above Doppler's 0.05 m/s, and no manoeuvre is lost."""
 LONGEST_WINDOW_S = 2.5
 """Sparser velocities have lost the manoeuvres."""
 MIN_SPEED_MPS = 3.0
@@ -47,7 +48,7 @@ _HOLE_S, _HOLE_STEPS = 0.3, 2.5
 
 
 @dataclass(frozen=True, eq=False)
-class Changes:
+class Changes(ColumnTable):
     """Changes of velocity between pairs of instants, by GNSS; columns of shape (n,).
 
     ``forward_mps``: of the speed; ``left_mps``: across, to the left; ``gravity_mps``: what the slope, by the climb,
@@ -62,17 +63,10 @@ class Changes:
     speed_mps: Floats
     block: Ints
 
-    def __len__(self) -> int:
-        return len(self.begin_s)
-
-    def take(self, keep: Bools) -> Changes:
-        """Some of them."""
-        return Changes(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
-
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Samples (m,) of an inertial sensor; of an ``angle`` the changes count, of others the integrals."""
+    """Samples (m,) of an inertial sensor. The changes of an ``angle`` count, and the integrals of all others."""
 
     time_s: Floats
     value: Floats
@@ -119,8 +113,7 @@ def changes_of(time_s: Floats, north_mps: Floats, east_mps: Floats, down_mps: Fl
     step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     apart = max(1, round(WINDOW_S / step))
     if len(time) <= apart or step * apart > LONGEST_WINDOW_S:
-        none = np.empty(0)
-        return Changes(none, none, none, none, none, none, np.empty(0, np.int64))
+        return Changes.empty()
     begin, end = slice(None, -apart), slice(apart, None)
     speed = np.hypot(north, east)
     turned = wrap_angle(np.diff(np.arctan2(north, east)))  # anticlockwise
@@ -189,9 +182,9 @@ def _peak(lags: Floats, correlation: Floats) -> float:
 def mount_yaw(changes: Changes, forward: Signal, left: Signal) -> Estimate:
     """How far an accelerometer's forward axis points to the left of the vehicle's, rad, by its two level axes.
 
-    Of the acceleration across by GNSS both axes show a part: their ratio is the angle's tangent. Change of speed (and
-    the squat with it) and gravity on slopes are taken out first. That the force across is also gravity's, where the
-    body rolls, is no harm: what leaks into the forward axis is what was felt.
+    Both axes show a part of the acceleration across that GNSS knows; the ratio of the parts is the angle's tangent. The
+    change of speed (with the squat) and gravity on slopes are taken out first. Where the body rolls, gravity is in the
+    force across as well. That does no harm: what leaks into the forward axis is the force that was felt.
     """
     keep = forward.covers(changes.begin_s, changes.end_s)
     if not keep.any():
@@ -210,13 +203,13 @@ def mount_yaw(changes: Changes, forward: Signal, left: Signal) -> Estimate:
 
 LAG_FLOOR_S = 0.01
 YAW_FLOOR_RAD = np.radians(0.25)
-"""One sigma of what the method itself may be wrong by: interpolation, a receiver's own filter, the antenna's place. So
-the least that is set right is 0.03 s and 1 degree."""
+"""One sigma of the method's own error: interpolation, a receiver's own filter, the antenna's place. So at least 0.03 s
+and 1 degree are set right."""
 USUAL_LAG_S, USUAL_YAW_RAD = 0.2, np.radians(5.0)
-"""How large such errors usually are, where there are any: filters of a few samples, a phone in its holder."""
+"""The usual size of such errors, where there are any: filters of a few samples, a phone in its holder."""
 CLEAR_YAW = 4.0
-"""Sigmas from which on a yaw is set right: few bends can look like one (1 drive in 60 by 3 sigma), and forces that are
-turned wrongly do more harm than those that are a little late."""
+"""Sigmas from which on a yaw is set right. A few bends can look like a yaw (3 sigmas in 1 drive of 60), and forces that
+are turned wrongly do more harm than forces that are a little late."""
 MOST_YAW_RAD = np.radians(45.0)
 """A larger angle is an axis that is not the forward one."""
 

@@ -1,7 +1,7 @@
 """The noise levels under which a drive's measurements are most likely: white levels and rates of drifts at once.
 
-The gradient of the likelihood comes from one pass of the smoother (Koopman and Shephard 1992). Which measurements are
-outliers, and where the drive changed suddenly, is given here and found in ``noise``.
+The gradient of the likelihood comes from one pass of the smoother (Koopman and Shephard 1992). Outliers and sudden
+changes of the drive are given; ``noise`` finds them.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from fusion.types import Floats
 STUDENT_T_FREEDOM = 5.0
 """Degrees of freedom of the Student-t errors: springs, kerbs and reflections have heavy tails."""
 ROBUST_INFORMATION_LOSS = (STUDENT_T_FREEDOM + 3) / (STUDENT_T_FREEDOM + 1)
-"""A measurement with an error of Student's t of scale 1 tells as much as one with a Gaussian error of this variance:
-its Fisher information is (nu + 1) / (nu + 3) (Lange, Little and Taylor 1989)."""
+"""Variance of the Gaussian error that leaves as much information as an error of Student's t of scale 1. The latter's
+Fisher information is (nu + 1) / (nu + 3) (Lange, Little and Taylor 1989)."""
 WHITE = {ALTITUDE: "altitude_m", DOPPLER: "doppler", PITCH: "pitch", FORCE: "force", BARO: "baro_m"}
 """The white level of each sensor."""
 _SIGMAS = {*WHITE.values(), "wander"}
@@ -44,27 +44,29 @@ _SIGMAS = {*WHITE.values(), "wander"}
 LOG_ROUGHNESS = (float(np.log(3e-5)), 1.5)
 """Mean and sigma of the log of the roughness (1/m): flat towns have 3e-7, hills 1e-4 (spec 7)."""
 LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
-"""... of the wander of the attitude: most vehicles are alike, and short drives can't tell it from the road's grades."""
+"""The same for the wander of the attitude: most vehicles are alike, and a short drive can't tell the wander from the
+road's grades."""
 LOG_SPREAD, LOG_RATE_SPREAD = 1.0, 1.5
 """Sigma of the logs of white levels and of rates about where they start: receivers differ by ten times."""
 LEAST_HEIGHT_M = 0.05
-"""No receiver's height is surer than this, however smooth a filter makes it: the decimetres that it is stated in (NMEA
-0183; 0.03 m), the body's heave on its springs (0.03 m), the place in the lane across a crossfall of 2.5 % (0.01 m)."""
+"""No receiver's height is surer than this, however smooth a filter makes it. It is stated in decimetres (NMEA 0183;
+0.03 m), the body heaves on its springs (0.03 m), and the lane has a crossfall of 2.5 % (0.01 m)."""
 LEAST_PRESSURE_HEIGHT_M = 0.1
-"""... and no barometer's on the road: a gust of 1 m/s at 15 m/s changes the dynamic pressure by 18 Pa or 1.5 m, of
-which a sensor in a cabin feels 7 % (``barometer.USUAL_SPEED_PRESSURE``)."""
+"""No barometer's height is surer than this on the road. A gust of 1 m/s at 15 m/s changes the dynamic pressure by
+18 Pa, which is 1.5 m, and a sensor in a cabin feels 7 % of it (``barometer.USUAL_SPEED_PRESSURE``)."""
 _STEPS = 10
+"""The optimisation ends after so many steps."""
 _CLOSE = 0.05
-"""The optimisation ends after so many steps, or so near by its gradient, in sigmas of the levels."""
+"""It also ends where its gradient is so small, in sigmas of the levels."""
 _FARTHEST = 3.0
 """How far a log moves in a round at most."""
 _SHARE_TOLD = 0.3
-"""Of a white level's information under known states, what is left as states are not known: scales the first step."""
+"""Share of a white level's information that is left where states are unknown. It scales the first step."""
 _BEND_STEP = 0.3
-"""Upward step of a log over which the bend of the likelihood is taken: as far as a level errs that makes a difference,
-and to the side where the errors that are to be expected come from."""
+"""Upward step of a log over which the bend of the likelihood is taken. Errors of a level matter from about this size
+on, and it is the upward ones that the expected variances come from."""
 MOST_UNCERTAIN = 1.0
-"""Sigma of a log that is counted at most: beyond it hardly anything but the tail of a prior would speak."""
+"""The largest sigma of a log that is counted. Beyond it the prior's tail would speak almost alone."""
 
 
 def _least() -> dict[str, float]:
@@ -124,10 +126,10 @@ def _second_moment(smoothed: Smoothed, variance: Floats) -> Floats:
 
 
 def normalised_square(smoothed: Smoothed, variance: Floats, usual: Floats) -> Floats:
-    """Square of each measurement's error against an estimate without it, over what it should be; shape (m,).
+    """Square of each measurement's error against an estimate without it, over the expected square; shape (m,).
 
-    That is by its ``usual`` variance, not by the present one, which has its robust weight in it: weights would come and
-    go from round to round.
+    The expected square comes from the ``usual`` variance. The present variance holds the robust weight: with it,
+    weights would come and go from round to round.
     """
     return np.asarray(smoothed.residual**2 / (smoothed.residual_variance - variance + usual))
 
@@ -145,15 +147,13 @@ def most_likely(
     measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
 ) -> Noise:
     """Levels near the most likely ones, from ``noise`` on, held by weak priors about ``start``."""
-    white, rates = _learned(measured)
-    names = [*white.values(), *rates]
+    likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
+    names = likelihood.names
     mean, sigma = np.array([_prior(n, start) for n in names]).T
     begin = np.log([getattr(noise, n) for n in names])
-    counts = [2 * np.count_nonzero(measured.sensor == sensor) for sensor in white] + [
-        len(epochs.time_s) / 8
-    ] * len(rates)
+    counts: list[float] = [2 * int(np.sum(measured.sensor == sensor)) for sensor in likelihood.white]
+    counts += [len(epochs.time_s) / 8] * len(likelihood.parts)
     scale = np.sqrt(_SHARE_TOLD * np.array(counts) + sigma**-2)
-    likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
 
     def at(step: Floats) -> Noise:
         return noise.with_(**dict(zip(names, np.exp(begin + step / scale).tolist(), strict=True)))
@@ -183,13 +183,12 @@ def log_sigmas(
 ) -> dict[str, float]:
     """How uncertain the logs of the levels are near the most likely ones, ``noise``; 0 where a level is the least.
 
-    The inverse of the likelihood's bend, from one more gradient a level, and of the priors' precision; never more than
-    the prior's sigma.
+    The sigmas come from the likelihood's bend and the priors' precision, and are never above the priors' own. The bend
+    takes one more gradient for each level.
     """
-    white, rates = _learned(measured)
-    names = [*white.values(), *rates]
-    sigma = np.array([_prior(n, start)[1] for n in names])
     likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
+    names = likelihood.names
+    sigma = np.array([_prior(n, start)[1] for n in names])
     here = likelihood.at(noise)[1]
     free = [k for k, n in enumerate(names) if getattr(noise, n) > 1.01 * _least().get(n, 0.0)]
     bend = np.zeros((len(free), len(free)))
@@ -228,11 +227,12 @@ def _learned(measured: Measurements) -> tuple[dict[int, str], list[str]]:
 class _Likelihood:
     """The likelihood of a drive's levels, with all that stays as it is while they are sought.
 
-    ``unit`` and ``misalignment`` (m,): parts of the variances, with weights; ``fixed``: of the steps' noise what is not
-    learned; ``parts``: what is, at the levels ``noise``.
+    ``white`` are the white levels, by sensor. ``unit`` and ``misalignment`` (m,): parts of the variances, with weights;
+    ``fixed``: of the steps' noise what is not learned; ``parts``: what is, at the levels ``noise``.
     """
 
     measured: Measurements
+    white: dict[int, str]
     noise: Noise
     unit: Floats
     misalignment: Floats
@@ -245,7 +245,7 @@ class _Likelihood:
         cls, measured: Measurements, epochs: SmootherEpochs, noise: Noise, weight: Floats, jumps: Jumps
     ) -> _Likelihood:
         """Near the levels ``noise``."""
-        _, rates = _learned(measured)
+        white, rates = _learned(measured)
         unit, misalignment = (
             ROBUST_INFORMATION_LOSS * v / weight
             for v in (variance_unit(measured), misalignment_variance(measured))
@@ -254,10 +254,15 @@ class _Likelihood:
         others = [name for name in RATES if name not in rates]
         fixed = steps_noise(epochs, noise, jumps, others)
         parts = {name: step_noise(epochs, noise, name) for name in rates}
-        return cls(measured, noise, unit, misalignment, model, fixed, parts)
+        return cls(measured, white, noise, unit, misalignment, model, fixed, parts)
+
+    @property
+    def names(self) -> list[str]:
+        """The levels: white ones and then rates."""
+        return [*self.white.values(), *self.parts]
 
     def at(self, noise: Noise) -> tuple[float, Floats]:
-        """The log-likelihood, and its derivatives by the logs of the levels, white ones and then rates."""
+        """The log-likelihood, and its derivatives by the logs of the levels, in the order of ``names``."""
         sensor = self.measured.sensor
         variance = white_level(sensor, noise) ** 2 * self.unit + self.misalignment
         total, factors = self.fixed.copy(), {}
@@ -269,7 +274,7 @@ class _Likelihood:
         scores = self.model.at_levels(total, variance).scores()
         white = scores.level_score(variance) * (1 - self.misalignment / variance)
         by_sensor = np.bincount(sensor, white, len(SENSORS))
-        slopes = [2 * float(by_sensor[code]) for code in _learned(self.measured)[0]]
+        slopes = [2 * float(by_sensor[code]) for code in self.white]
         slopes += [
             (2 if name == "wander" else 1) * factors[name] * scores.noise_score(part)
             for name, part in self.parts.items()

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fusion.arrays import ColumnTable, nearest
 from fusion.frames import GRAVITY_MPS2
 from fusion.profile.barometer import pressure_heights
 from fusion.profile.blocks import binned
-from fusion.profile.path import DrivenPath, ground_speed
+from fusion.profile.path import DrivenPath, Speeds, ground_speed
 from fusion.terrain.dem import Dem
 from fusion.types import CUES, Bools, DriveLog, Floats, Ints
 
@@ -36,8 +37,12 @@ _DEFAULT_DOPPLER_MPS = 0.3
 """Accuracy of vertical velocities of a log that states none."""
 
 
+Column = tuple[Floats, Floats, Floats]
+"""Of one sensor: times, values, and sigmas as the log states them."""
+
+
 @dataclass(frozen=True, eq=False)
-class Measurements:
+class Measurements(ColumnTable):
     """m measurements ordered by time, columns of shape (m,); those for pictures are ``fusion.types.DrawnMeasurements``.
 
     ``sensor``: code; ``value``: m or grade; ``stated_sigma``: one sigma as the log states it (NaN unknown); ``along_m``
@@ -55,13 +60,6 @@ class Measurements:
     acceleration_mps2: Floats
     turn: Floats
 
-    def __len__(self) -> int:
-        return len(self.time_s)
-
-    def take(self, keep: Bools | Ints) -> Measurements:
-        """The measurements selected by a mask or by indices."""
-        return Measurements(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
-
 
 def build_measurements(
     log: DriveLog,
@@ -76,47 +74,28 @@ def build_measurements(
     Altitudes that are late by ``altitude_lag_s`` belong to where the vehicle was then. ``speed_pressure`` is the share
     of the dynamic pressure that is taken off the barometer's.
     """
-    speed_time, speed = speeds(log, path)
+    driven = speeds(log, path)
     parts = []
     for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure(speed_pressure))):
         if sensor in use:
-            time, value, stated_sigma = build(log, path, speed_time, speed)
+            time, value, stated_sigma = build(log, path, driven)
             time = time - altitude_lag_s if sensor == ALTITUDE else time
-            parts.append(
-                _placed(path, sensor, time, value, stated_sigma, speed_time, speed, _turn(log, path, time))
-            )
+            parts.append(_placed(path, sensor, (time, value, stated_sigma), driven, _turn(log, path, time)))
     if TERRAIN in use and dem is not None:
-        parts.append(_terrain(path, dem, speed_time, speed))
-    if not parts:
-        return Measurements(
-            *(
-                np.empty(0, np.int64 if f in ("run", "sensor") else float)
-                for f in Measurements.__dataclass_fields__
-            )
-        )
-    measured = Measurements(
-        *(np.concatenate([getattr(p, f) for p in parts]) for f in Measurements.__dataclass_fields__)
-    )
+        parts.append(_terrain(path, dem, driven))
+    measured = Measurements.empty().joined(*parts)
     return measured.take(np.lexsort((measured.sensor, measured.time_s)))
 
 
-def _placed(
-    path: DrivenPath,
-    sensor: int,
-    time: Floats,
-    value: Floats,
-    stated_sigma: Floats,
-    speed_time: Floats,
-    speed: Floats,
-    turn: Floats,
-) -> Measurements:
+def _placed(path: DrivenPath, sensor: int, column: Column, driven: Speeds, turn: Floats) -> Measurements:
     """Measurements at their places; slopes only in motion, forwards along the path."""
+    time, value, stated_sigma = column
     along, run = path.at(time)
-    here = np.interp(time, speed_time, speed)
+    here = np.interp(time, *driven)
     keep = (run >= 0) & np.isfinite(value)
     if sensor in (DOPPLER, PITCH, FORCE):
         keep &= (here > MIN_SPEED_MPS) & (np.abs(value) < MAX_GRADE)
-    rate = acceleration(time, speed_time, speed)
+    rate = acceleration(time, *driven)
     measured = Measurements(
         time, along, run, np.full(len(time), sensor), value, stated_sigma, here, np.nan_to_num(rate), turn
     )
@@ -154,10 +133,7 @@ def acceleration(time: Floats, speed_time: Floats, speed: Floats) -> Floats:
     return np.where(near, (v[0] - 8 * v[1] + 8 * v[2] - v[3]) / (12 * step_s), np.nan)
 
 
-Column = tuple[Floats, Floats, Floats]
-
-
-def _altitude(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
+def _altitude(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:
     """Heights on one datum, the one that more fixes have: a mixture would jump by the geoid's tens of metres."""
     fix = log.fix
     level = np.isfinite(fix.alt_msl_m).sum() >= np.isfinite(fix.height_ell_m).sum()
@@ -169,7 +145,7 @@ def _altitude(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats
     return time, value, np.where(stated > 0, stated, np.nan)
 
 
-def _doppler(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
+def _doppler(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:
     """Climb over ground speed, where the vehicle moves forwards along the path."""
     v = log.velocity
     stated = np.where(np.isfinite(v.s_acc_mps) & (v.s_acc_mps > 0), v.s_acc_mps, _DEFAULT_DOPPLER_MPS)
@@ -186,7 +162,7 @@ def _doppler(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats)
     return time, np.where(moving, -down / safe, np.nan), np.hypot(stated_sigma / safe, _DOPPLER_FLOOR)
 
 
-def _pitch(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
+def _pitch(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:
     """Tangent of the sensor's pitch, mount and all; not while the vehicle goes backwards."""
     a = log.attitude
     backwards = _backwards(log, a.time_s, a.yaw_rad)
@@ -202,16 +178,14 @@ def _backwards(log: DriveLog, time: Floats, yaw_rad: Floats) -> Bools:
     if not v.has("vel_n_mps", "vel_e_mps") or not len(time):
         return np.zeros(len(time), bool)
     known = np.isfinite(v.vel_n_mps + v.vel_e_mps)
-    north = np.interp(time, v.time_s[known], v.vel_n_mps[known])
-    east = np.interp(time, v.time_s[known], v.vel_e_mps[known])
-    right = np.clip(np.searchsorted(v.time_s[known], time), 0, int(known.sum()) - 1)
-    lags = [np.abs(v.time_s[known][k] - time) for k in (right, np.maximum(right - 1, 0))]
-    near = np.minimum(*lags) < 1.0  # through an outage the vehicle may have turned
+    seen_s = v.time_s[known]
+    north, east = (np.interp(time, seen_s, c[known]) for c in (v.vel_n_mps, v.vel_e_mps))
+    near = np.abs(seen_s[nearest(seen_s, time)] - time) < 1.0  # through an outage the vehicle may have turned
     moving = np.hypot(north, east) > MIN_SPEED_MPS
     return near & moving & (np.cos(yaw_rad - np.arctan2(east, north)) < -0.5)
 
 
-def _force(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
+def _force(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:
     """Grade that the accelerometer feels beyond the change of speed: sin(pitch) = (f - dv/dt) / g."""
     f, a = log.force, log.attitude
     nose = np.isfinite(a.yaw_rad)
@@ -222,24 +196,24 @@ def _force(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -
     )
     facing = np.where(_backwards(log, f.time_s, yaw), np.nan, f.acc_x_mps2)
     time, forward = binned(f.time_s, PERIOD_S[FORCE], facing)
-    felt = (forward - acceleration(time, speed_time, speed)) / GRAVITY_MPS2
+    felt = (forward - acceleration(time, *driven)) / GRAVITY_MPS2
     with np.errstate(invalid="ignore"):
         sine = np.where(np.abs(felt) < MAX_GRADE, felt, np.nan)
         return time, sine / np.sqrt(1 - sine**2), np.full(len(time), np.nan)
 
 
-def _pressure(share: float) -> Callable[[DriveLog, DrivenPath, Floats, Floats], Column]:
+def _pressure(share: float) -> Callable[[DriveLog, DrivenPath, Speeds], Column]:
     """Height by the air's pressure; its drift is the filter's affair."""
 
-    def heights(log: DriveLog, path: DrivenPath, speed_time: Floats, speed: Floats) -> Column:
-        at, height = pressure_heights(log.pressure, share, speed_time, speed)
+    def heights(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:
+        at, height = pressure_heights(log.pressure, share, *driven)
         time, value = binned(at, PERIOD_S[BARO], height)
         return time, value, np.full(len(time), np.nan)
 
     return heights
 
 
-def _terrain(path: DrivenPath, dem: Dem, speed_time: Floats, speed: Floats) -> Measurements:
+def _terrain(path: DrivenPath, dem: Dem, driven: Speeds) -> Measurements:
     """DEM heights every ``DEM_SPACING_M`` of the path, away from bridges and tunnels."""
     step = np.floor(path.along_m / DEM_SPACING_M)
     new = np.concatenate([[True], np.diff(step) > 0])
@@ -255,8 +229,8 @@ def _terrain(path: DrivenPath, dem: Dem, speed_time: Floats, speed: Floats) -> M
     clear = inside & ~_near_structure(path, along)
     if clear.any():
         height[clear] = dem.heights(lon[clear], lat[clear])
-    nothing = np.full(len(time), np.nan)
-    return _placed(path, TERRAIN, time, height, nothing, speed_time, speed, np.zeros(len(time)))
+    column = time, height, np.full(len(time), np.nan)
+    return _placed(path, TERRAIN, column, driven, np.zeros(len(time)))
 
 
 def _near_structure(path: DrivenPath, along: Floats) -> Bools:
@@ -271,7 +245,7 @@ def _near_structure(path: DrivenPath, along: Floats) -> Bools:
     return (last >= 0) & (along <= reach[np.maximum(last, 0)]) if len(end) else np.zeros(len(along), bool)
 
 
-def speeds(log: DriveLog, path: DrivenPath) -> tuple[Floats, Floats]:
+def speeds(log: DriveLog, path: DrivenPath) -> Speeds:
     """Times and ground speeds; by the positions, for logs that have no others."""
     time, speed, _ = ground_speed(log)
     if len(time):

@@ -28,29 +28,28 @@ from fusion.profile.measurements import (
     FORCE,
     PITCH,
     SENSORS,
-    Measurements,
     build_measurements,
     speeds,
 )
-from fusion.profile.model import SmootherEpochs, build_smoother_epochs
-from fusion.profile.noise import Learned, learn
+from fusion.profile.model import build_smoother_epochs
+from fusion.profile.noise import learn
 from fusion.profile.path import DrivenPath, find_path
 from fusion.profile.report import build_track, drawn_measurements, drive_report
-from fusion.profile.traversals import Altimeter
+from fusion.profile.traversals import Altimeter, SmoothedDrive
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import CUES, DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
+from fusion.types import CUES, DriveLog, Floats, Ints, Progress, SegmentSlope
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
 BAROMETRIC_DRIFT = 0.006
-"""Heights whose error walks by less than this variance, m^2/s, are an altimeter's: between the air's pressure, 0.001
-(0.8 m in ten minutes), and the best receivers that fix no carrier phase, 0.01 (0.8 m for two minutes,
-``model.DRIFT_TAU_S``); above the middle, for what a drive learns of it is too large rather than too small. A short or
-noisy drive doesn't show it: then heights are a receiver's."""
+"""Heights whose error walks by less than this variance, m^2/s, are an altimeter's. The air's pressure has 0.001 (0.8 m
+in ten minutes), and the best receivers that fix no carrier phase have 0.01 (0.8 m for two minutes,
+``model.DRIFT_TAU_S``). The bound lies above the middle of these, since what a drive learns is rather too large than too
+small. A short or noisy drive does not show it: then heights are taken for a receiver's."""
 COMPUTER_STEP_M = 0.2
-"""Steps of heights in files of bicycle computers (FIT states altitudes in fifths of a metre), which take them from a
-barometer behind a filter, whatever they err by."""
+"""Steps of heights in files of bicycle computers: FIT states altitudes in fifths of a metre. Such heights come from a
+barometer behind a filter, whatever their errors look like."""
 MIN_MEASUREMENTS = 4
 """Fewer say nothing of a slope."""
 
@@ -96,17 +95,6 @@ class _PreparedDrive:
         return cls(right, path, inertia, felt)
 
 
-@dataclass(frozen=True, eq=False)
-class _Smoothed:
-    """Everything known about a drive after smoothing."""
-
-    path: DrivenPath
-    measured: Measurements
-    epochs: SmootherEpochs
-    learned: Learned
-    altimeter: Altimeter
-
-
 class ProfileMethod:
     """The default estimator behind the ``Method`` protocol."""
 
@@ -143,30 +131,25 @@ class ProfileMethod:
         if late.sensor >= 0:
             drive = _smooth(raw, dem, options, late)
         progress("factors", 0.7)
-        factors = _factors(drive, log.fix)
+        factors = tuple(pass_factors(drive, log.fix))
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain)
-        track = build_track(path, drive.epochs, drive.learned)
-        report = drive_report(
-            log, path, drive.measured, drive.epochs, drive.learned, factors, raw.inertia, raw.speed_pressure
-        )
-        drawn = drawn_measurements(drive.measured, drive.learned, drive.epochs)
+        track = build_track(drive)
+        report = drive_report(log, drive, factors, raw.inertia, raw.speed_pressure)
+        drawn = drawn_measurements(drive)
 
         def late_by(lag_s: float) -> tuple[PassFactor, ...]:
-            return _factors(_smooth(raw, dem, options, Altimeter(late.sensor, lag_s)), log.fix)
+            again = _smooth(raw, dem, options, Altimeter(late.sensor, lag_s))
+            return tuple(pass_factors(again, log.fix))
 
         return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
 
 
-def _factors(drive: _Smoothed, fix: GnssFix) -> tuple[PassFactor, ...]:
-    return tuple(pass_factors(drive.measured, drive.epochs, drive.learned, drive.path, drive.altimeter, fix))
+def _altimeter(log: DriveLog, drive: SmoothedDrive) -> Altimeter:
+    """Whether the heights are an altimeter's, whose filter makes them late: such heights err like a barometer.
 
-
-def _altimeter(log: DriveLog, drive: _Smoothed) -> Altimeter:
-    """Whether the heights are an altimeter's, whose filter makes them late: they err like a barometer.
-
-    A receiver's height that states its accuracy, or is above the ellipsoid, of which no altimeter knows, is its own
-    fix, and pressure is a sensor's own sample: neither is late.
+    Two kinds of heights are not late. One is a receiver's own fix: it states its accuracy, or is above the ellipsoid,
+    which no altimeter knows. The other is made of pressure, which is a sensor's own sample.
     """
     sensors = drive.measured.sensor
     own = log.fix.has("v_acc_m") or log.fix.has("height_ell_m")
@@ -184,7 +167,9 @@ def _in_steps(height_m: Floats) -> bool:
     return len(known) > 0 and bool(np.mean(off) < 0.01 and np.mean(on_grid) < 0.5)
 
 
-def _smooth(raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter) -> _Smoothed:
+def _smooth(
+    raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter
+) -> SmoothedDrive:
     share = set_right_share(raw.speed_pressure)
     measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s, share)
     if len(measured) < MIN_MEASUREMENTS:
@@ -195,7 +180,7 @@ def _smooth(raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions, altim
     epochs = build_smoother_epochs(measured, raw.path)
     by_satellites = not _in_steps(raw.log.fix.alt_msl_m)
     learned = learn(measured, epochs, prior_noise(measured), by_satellites=by_satellites)
-    return _Smoothed(raw.path, measured, epochs, learned, altimeter)
+    return SmoothedDrive(raw.path, measured, epochs, learned, altimeter)
 
 
 def adjusted_slopes(

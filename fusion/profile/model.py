@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fusion.arrays import nearest
 from fusion.filters.smoother import LinearModel, StepNoise
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
 from fusion.profile.path import DrivenPath
@@ -27,7 +28,7 @@ DRIFT_TAU_S = 120.0
 DEM_LENGTH_M = 120.0
 """Correlation length of a DEM's height errors along the path."""
 MISALIGNMENT_SIGMA = 0.2
-"""Grade that a vehicle sees across the road: times 1 - cosine of the angle between its course and the road."""
+"""Error of a grade where the vehicle is not in line with the road, over 1 - cosine of the angle between the two."""
 SLOW_MPS = 2.0
 """At this speed springs double the variance of pitch and force."""
 JUMP_SIGMA = {MOUNT: 0.05, DRIFT: 30.0}
@@ -76,9 +77,9 @@ class Noise:
 
 
 def variance_unit(measured: Measurements) -> Floats:
-    """What each measurement's variance is in units of its sensor's level squared, shape (m,).
+    """Each measurement's variance in units of its sensor's level squared, shape (m,).
 
-    A crawling vehicle heaves on its springs, when it pulls away above all, and its attitude sensor has not settled.
+    A crawling vehicle heaves on its springs, above all when it pulls away, and its attitude sensor has not settled.
     """
     springs = np.isin(measured.sensor, (PITCH, FORCE))
     slow = 1 + (SLOW_MPS / np.maximum(measured.speed_mps, 0.1)) ** 2
@@ -120,15 +121,10 @@ def pitch_partner(measured: Measurements) -> Ints:
     pitch, force = np.flatnonzero(measured.sensor == PITCH), np.flatnonzero(measured.sensor == FORCE)
     if not len(pitch) or not len(force):
         return out
-    right = np.clip(np.searchsorted(measured.time_s[pitch], measured.time_s[force]), 0, len(pitch) - 1)
-    left = np.maximum(right - 1, 0)
-    wanted = measured.time_s[force]
-    lag_left, lag_right = (np.abs(measured.time_s[pitch[i]] - wanted) for i in (left, right))
-    nearest = pitch[np.where(lag_left < lag_right, left, right)]
-    close = (np.minimum(lag_left, lag_right) < _PARTNER_S) & (
-        np.abs(measured.along_m[nearest] - measured.along_m[force]) < _PARTNER_M
-    )
-    out[force[close]] = nearest[close]
+    beside = pitch[nearest(measured.time_s[pitch], measured.time_s[force])]
+    close = np.abs(measured.time_s[beside] - measured.time_s[force]) < _PARTNER_S
+    close &= np.abs(measured.along_m[beside] - measured.along_m[force]) < _PARTNER_M
+    out[force[close]] = beside[close]
     return out
 
 
@@ -144,8 +140,8 @@ def design(measured: Measurements, share: Floats) -> Floats:
     out[~heights, GRADE] = 1.0 - share[~heights]
     felt = np.isin(sensor, (PITCH, FORCE))
     out[felt, MOUNT] = out[felt, WANDER] = 1.0 - share[felt]
-    # The specific force has the same acceleration taken off, with the same error: it would teach a wrong squat. What is
-    # left of it is what is taken off of the pitch beside it.
+    # The specific force has the same acceleration taken off, with the same error, and would teach a wrong squat. So it
+    # sees only the squat of the pitch that is taken off it.
     squat = np.where(sensor == PITCH, 1.0, np.where(sensor == FORCE, -share, 0.0))
     out[:, SQUAT] = squat * measured.acceleration_mps2
     out[sensor == FORCE, BIAS] = 1.0

@@ -1,7 +1,8 @@
 """Learning a drive's noise levels from the drive itself, with its outliers and sudden changes.
 
-Receivers differ by ten times, and accuracy columns may be wrong. In rounds: the most likely levels (``levels``), then
-what lies far outside of them counts less, then what breaks with the model has changed suddenly.
+Receivers differ by ten times, and accuracy columns may be wrong. Each round has three steps: find the most likely
+levels (``levels``), give less weight to what lies far outside of them, and note a sudden change where the drive
+breaks with the model.
 """
 
 from __future__ import annotations
@@ -37,12 +38,12 @@ from fusion.profile.model import (
 from fusion.types import Bools, Floats
 
 FIRST_ROUNDS, ROUNDS = 3, 3
-"""Of rough steps from wherever the levels start, and of likely levels, weights and sudden changes after them; nothing
-tests for convergence."""
+"""Rounds of rough steps from wherever the levels start, and rounds of likely levels, weights and sudden changes after
+them. Nothing tests for convergence."""
 FILTERED = 1.3
-"""Heights whose white level is found below so many times the least that is possible come out of a filter."""
+"""Heights whose white level is found below so many times the least possible one come out of a filter."""
 HEIGHTS_APART_S = 8.0
-"""Heights so far apart share no error of a receiver's filter, which remembers for one to three seconds."""
+"""Heights that lie so far apart share no error of a receiver's filter, which remembers for one to three seconds."""
 TAIL_SIGMAS = 2.5
 """Beyond this a measurement counts less while levels are learned: with the square of how far."""
 MAX_JUMPS = 4
@@ -53,20 +54,23 @@ JUMP_SPACING_S = 5.0
 OUTLIER_SIGMAS = 4.0
 """A measurement that is farther off counts less with the fourth power of how far, and is reported as an outlier."""
 CORRELATED_WITHIN_S = 0.8
-"""Springs swing for about a second: errors farther apart than this are taken for independent (what is left between
-those of neighbouring seconds is mostly road that the knots have not followed)."""
+"""Springs swing for about a second, so errors farther apart than this are taken for independent. What neighbouring
+seconds still have in common is mostly road that the knots have not followed."""
 SHARED_START = 0.8
-"""The part of a pitch error in the force beside it, before anything is learned: begun at nothing, errors that both show
-are taken for road."""
+"""The part of a pitch error in the force beside it, before anything is learned. If it began at 0, errors that both show
+would be taken for road."""
 _SHARED_PRIOR_COUNT = 15.0
 """Imaginary pairs of pitch and force whose errors have nothing in common."""
 
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """The most likely levels, and those of the variances that are to be expected, by which all the rest is; each
-    measurement's variance with its robust weight (m,), which are outliers (m,), the sudden changes found, and the
-    smoothed drive."""
+    """What a drive says of itself.
+
+    ``noise`` are the most likely levels. ``expected`` are the levels of the expected variances; everything else here
+    rests on these. ``variance`` (m,) is each measurement's with its robust weight, ``outlier`` (m,) says which are far
+    off, ``jumps`` are the sudden changes found, and ``smoothed`` is the drive.
+    """
 
     noise: Noise
     expected: Noise
@@ -104,8 +108,10 @@ def learn(
 def _levels(
     measured: Measurements, epochs: SmootherEpochs, start: Noise
 ) -> tuple[Noise, Jumps, Floats, Smoothed, Floats]:
-    """Levels and sudden changes, found in rounds; variances by the last levels but one, and the drive smoothed by them;
-    new weights."""
+    """Levels, sudden changes, variances, the smoothed drive and new weights, found in rounds.
+
+    The variances, by which the drive is smoothed, are those of the last levels but one.
+    """
     jumps: Jumps = ()
     paired = bool(np.any(pitch_partner(measured) >= 0))
     noise, weight = start.with_(shared=SHARED_START if paired else 0.0), np.ones(len(measured))
@@ -124,11 +130,10 @@ def _levels(
 
 
 def _apart(measured: Measurements) -> tuple[Bools, Floats]:
-    """Which measurements tell levels, (m,), where altitudes come out of a filter: those ``HEIGHTS_APART_S`` apart; and
-    how many share one error, (m,).
+    """Where altitudes come out of a filter: which measurements tell levels (m,), and how many share one error (m,).
 
-    Heights that a receiver's filter has smoothed err together from epoch to epoch: that looks like no error and no
-    drift, and what they err by like road.
+    Altitudes tell levels only if they are ``HEIGHTS_APART_S`` apart. Those that a receiver's filter has smoothed err
+    together from epoch to epoch. This looks as if they had neither error nor drift, and their error looks like road.
     """
     altitude = measured.sensor == ALTITUDE
     mine = np.flatnonzero(altitude)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from fusion.arrays import nearest
 from fusion.frames import wrap_angle
 from fusion.matching.drive import DriveMatcher, MatchOptions
 from fusion.matching.path import PathMatch
@@ -26,6 +27,9 @@ ACCELERATION_MPS2 = 1.0
 """Usual change of speed, where the log has no speeds."""
 OUTAGE_S = 3.0
 """Positions farther apart than this leave the matcher to the speeds in between."""
+
+Speeds = tuple[Floats, Floats]
+"""Times and ground speeds, m/s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +108,7 @@ def ground_speed(log: DriveLog) -> tuple[Floats, Floats, float]:
     if not len(own_time):
         return time, speed, scale
     if len(time):
-        near = np.abs(time[_nearest(time, own_time)] - own_time)
+        near = np.abs(time[nearest(time, own_time)] - own_time)
         both = (near < 0.3) & (own_speed > 3.0)
         if both.sum() >= 10:
             scale = float(np.median(np.interp(own_time[both], time, speed) / own_speed[both]))
@@ -113,13 +117,6 @@ def ground_speed(log: DriveLog) -> tuple[Floats, Floats, float]:
     merged = np.concatenate([time, own_time])
     order = np.argsort(merged, kind="stable")
     return merged[order], np.concatenate([speed, scale * own_speed])[order], scale
-
-
-def _nearest(time_s: Floats, wanted_s: Floats) -> Ints:
-    if len(time_s) < 2:
-        return np.zeros(len(wanted_s), np.int64)
-    right = np.clip(np.searchsorted(time_s, wanted_s), 1, len(time_s) - 1)
-    return np.where(wanted_s - time_s[right - 1] < time_s[right] - wanted_s, right - 1, right)
 
 
 def find_path(log: DriveLog, network: RoadNetwork, options: MatchOptions) -> DrivenPath | None:
@@ -152,7 +149,7 @@ def find_path(log: DriveLog, network: RoadNetwork, options: MatchOptions) -> Dri
         return None
     corners = corner_variance(match, network)
     parts = [
-        _smoothed_run(match, corners, time, matched, number, speed_time, speed)
+        _smoothed_run(match, corners, time, matched, number, (speed_time, speed))
         for number in np.unique(match.run[match.traversal[matched]]).tolist()
     ]
     knots, along, run = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -172,7 +169,7 @@ def _known_near(known_time: Floats, value: Floats, time: Floats, reach_s: float 
     """The nearest known value at each time, NaN where there is none within ``reach_s``."""
     if not len(known_time):
         return np.full(len(time), np.nan)
-    near = _nearest(known_time, time)
+    near = nearest(known_time, time)
     return np.where(np.abs(known_time[near] - time) < reach_s, value[near], np.nan)
 
 
@@ -185,21 +182,15 @@ def _course(log: DriveLog, time: Floats) -> Floats:
 
 
 def _smoothed_run(
-    match: PathMatch,
-    corners: Floats,
-    fix_time: Floats,
-    matched: Bools,
-    number: int,
-    speed_time: Floats,
-    speed: Floats,
+    match: PathMatch, corners: Floats, fix_time: Floats, matched: Bools, number: int, driven: Speeds
 ) -> tuple[Floats, Floats, Ints]:
     """Least squares over matched positions and speeds of one run: times, distances along the path, run."""
     mine = matched & (match.run[match.traversal] == number)
     rows = np.flatnonzero(match.run == number)
     low = float(match.start_m[rows[0]])
     high = float(match.start_m[rows[-1]] + abs(match.leave_m[rows[-1]] - match.enter_m[rows[-1]]))
-    between = (speed_time > fix_time[mine][0]) & (speed_time < fix_time[mine][-1])
-    time = np.union1d(fix_time[mine], speed_time[between])
+    between = (driven[0] > fix_time[mine][0]) & (driven[0] < fix_time[mine][-1])
+    time = np.union1d(fix_time[mine], driven[0][between])
     time = time[np.concatenate([[True], np.diff(time) > 1e-3])]
     n, placed = len(time), match.distance_m[mine]
     if n < 3:
@@ -212,7 +203,7 @@ def _smoothed_run(
         bands, vector = np.zeros((3, n)), np.zeros(n)  # upper form: second and first off-diagonal, diagonal
         np.add.at(bands[2], at, POSITION_SIGMA_M**-2)
         np.add.at(vector, at, placed / POSITION_SIGMA_M**2)
-        _add_speeds(bands, vector, time, slack, speed_time, speed)
+        _add_speeds(bands, vector, time, slack, driven)
         _add_inertia(bands, np.diff(time), slack)
         bands[2] += 1e-9
         along = np.maximum.accumulate(np.clip(scipy.linalg.solveh_banded(bands, vector), low, high))
@@ -237,14 +228,13 @@ def _corner_slack(along: Floats, corner_m: Floats, variance: Floats) -> Floats:
     return slack
 
 
-def _add_speeds(
-    bands: Floats, vector: Floats, time: Floats, slack: Floats, speed_time: Floats, speed: Floats
-) -> None:
+def _add_speeds(bands: Floats, vector: Floats, time: Floats, slack: Floats, driven: Speeds) -> None:
     """The way between two knots is mean speed times time, where speeds are known on both sides."""
+    speed_time, speed = driven
     if not len(speed_time):
         return
     step = np.diff(time)
-    near = np.abs(speed_time[_nearest(speed_time, time)] - time) < 1.0
+    near = np.abs(speed_time[nearest(speed_time, time)] - time) < 1.0
     known = near[1:] & near[:-1]
     at = np.interp(time, speed_time, speed)
     way = 0.5 * (at[1:] + at[:-1]) * step

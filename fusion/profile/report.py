@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fusion.arrays import nearest
 from fusion.filters.smoother import Smoothed
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import displaced
@@ -44,6 +45,7 @@ from fusion.profile.model import (
 )
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath, ground_speed
+from fusion.profile.traversals import SmoothedDrive
 from fusion.types import LONGEST_BRIDGED_OUTAGE_S, DrawnMeasurements, DriveLog, Floats, Ints, Track
 
 PERIOD_S = 0.5
@@ -54,14 +56,15 @@ _ALONG_SIGMA_M = 2.0
 """What a track states as its horizontal accuracy: the path is a road's, only the place along it is estimated."""
 
 
-def build_track(path: DrivenPath, epochs: SmootherEpochs, learned: Learned) -> Track:
+def build_track(drive: SmoothedDrive) -> Track:
     """One row for each position on the path, and between positions that are far apart for what else was measured.
 
     At least 0.95 ``PERIOD_S`` apart: on the path, with the smoothed height.
     """
-    time = _row_times(path, epochs)
+    path = drive.path
+    time = _row_times(path, drive.epochs)
     along, run = path.at(time)
-    height, height_sigma, grade, grade_sigma = _smoothed_at(time, along, run, epochs, learned).T
+    height, height_sigma, grade, grade_sigma = _smoothed_at(time, along, run, drive.epochs, drive.learned).T
     traversal, distance = path.match.position_on(along)
     known = traversal >= 0
     segment = np.where(known, path.match.segment[traversal], -1)
@@ -122,8 +125,7 @@ def _smoothed_at(time: Floats, along: Floats, run: Ints, epochs: SmootherEpochs,
 def _since_fix(path: DrivenPath, time: Floats) -> Floats:
     """Seconds to the nearest position, (n,)."""
     fixes = path.fix_time_s
-    right = np.clip(np.searchsorted(fixes, time), 0, len(fixes) - 1)
-    return np.minimum(np.abs(fixes[right] - time), np.abs(fixes[np.maximum(right - 1, 0)] - time))
+    return np.asarray(np.abs(fixes[nearest(fixes, time)] - time))
 
 
 def _speed(path: DrivenPath, time: Floats) -> Floats:
@@ -132,12 +134,12 @@ def _speed(path: DrivenPath, time: Floats) -> Floats:
     return np.asarray(ahead - behind)
 
 
-def drawn_measurements(measured: Measurements, learned: Learned, epochs: SmootherEpochs) -> DrawnMeasurements:
+def drawn_measurements(drive: SmoothedDrive) -> DrawnMeasurements:
     """The measurements as heights and grades of the road: mount pitch, bias, squat and barometer taken off.
 
     The drift of GNSS heights and the error of the DEM stay in: a picture shows what the receiver said.
     """
-    mean = learned.smoothed.mean[epochs.of_measurement]
+    measured, mean = drive.measured, drive.learned.smoothed.mean[drive.epochs.of_measurement]
     heights = np.isin(measured.sensor, (ALTITUDE, BARO, TERRAIN))
     felt = np.isin(measured.sensor, (PITCH, FORCE))
     shared = mean[:, MOUNT] + mean[:, SQUAT] * measured.acceleration_mps2
@@ -161,10 +163,7 @@ LOOSE_MOUNT = 0.01
 
 def drive_report(
     log: DriveLog,
-    path: DrivenPath,
-    measured: Measurements,
-    epochs: SmootherEpochs,
-    learned: Learned,
+    drive: SmoothedDrive,
     factors: Sequence[PassFactor],
     inertia: Inertia | None,
     speed_pressure: Estimate,
@@ -173,10 +172,9 @@ def drive_report(
 
     ``inertia`` and ``speed_pressure``, the share of the dynamic pressure, are what was found before sensors were used.
     """
+    path, measured, learned = drive.path, drive.measured, drive.learned
     match, lengths = path.match, path.network.table.length_m
-    without = {
-        code: _without(measured, epochs, learned, code) for code in np.unique(measured.sensor).tolist()
-    }
+    without = {code: _without(drive, code) for code in np.unique(measured.sensor).tolist()}
     complete = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segment] for f in factors]
     report = {
         "matched_share": float(np.mean(path.matched)),
@@ -186,28 +184,28 @@ def drive_report(
         "passes_dropped_as_uncertain": int(np.count_nonzero(match.confidence < MIN_CONFIDENCE)),
         "noise": asdict(learned.noise),
         "own_speed_scale": ground_speed(log)[2],
-        "mount": _mount(measured, epochs, learned),
+        "mount": _mount(drive),
         "inertia": _inertia(inertia, measured),
         "speed_pressure": _speed_pressure(speed_pressure, measured),
-        "height_jumps_s": [float(epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
+        "height_jumps_s": [float(drive.epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
         "sensors": _contributions(measured, learned, without),
     }
-    model_report = _elevation_model(path, measured, epochs, without.get(TERRAIN))
+    model_report = _elevation_model(drive, without.get(TERRAIN))
     return {**report, "warnings": [*_warnings(log, measured, report), *model_report]}
 
 
-def _mount(measured: Measurements, epochs: SmootherEpochs, learned: Learned) -> dict[str, Any] | None:
+def _mount(drive: SmoothedDrive) -> dict[str, Any] | None:
     """Mount pitch at the end of the drive, and when it changed; None without pitch and specific force."""
-    if not np.isin(measured.sensor, (PITCH, FORCE)).any():
+    if not np.isin(drive.measured.sensor, (PITCH, FORCE)).any():
         return None
-    grade = learned.smoothed.mean[-1, MOUNT]
-    sigma = float(np.sqrt(learned.smoothed.covariance[-1, MOUNT, MOUNT]))
+    learned, smoothed = drive.learned, drive.learned.smoothed
+    grade = smoothed.mean[-1, MOUNT]
+    sigma = float(np.sqrt(smoothed.covariance[-1, MOUNT, MOUNT]))
     moves = []
     for k in sorted(k for k, state in learned.jumps if state == MOUNT):
-        before, after = learned.smoothed.mean[[k - 1, k], MOUNT]
-        moves.append(
-            {"time_s": float(epochs.time_s[k]), "change_deg": float(np.degrees(np.arctan(after - before)))}
-        )
+        before, after = smoothed.mean[[k - 1, k], MOUNT]
+        change_deg = float(np.degrees(np.arctan(after - before)))
+        moves.append({"time_s": float(drive.epochs.time_s[k]), "change_deg": change_deg})
     return {
         "pitch_deg": float(np.degrees(np.arctan(grade))),
         "sigma_deg": float(np.degrees(sigma)),
@@ -242,10 +240,11 @@ def _found(estimate: Estimate, unit: float = 1.0) -> dict[str, float] | None:
     return {"value": unit * estimate.value, "sigma": unit * estimate.sigma} if known else None
 
 
-def _without(measured: Measurements, epochs: SmootherEpochs, learned: Learned, sensor: int) -> Smoothed:
+def _without(drive: SmoothedDrive, sensor: int) -> Smoothed:
     """The drive without a sensor: as if its errors were beyond all measure. The epochs stay the same."""
+    measured, learned = drive.measured, drive.learned
     variance = np.where(measured.sensor == sensor, 1e12, learned.variance)
-    return linear_model(measured, epochs, learned.expected, variance, learned.jumps).smooth()
+    return linear_model(measured, drive.epochs, learned.expected, variance, learned.jumps).smooth()
 
 
 def _contributions(
@@ -264,14 +263,13 @@ def _contributions(
     }
 
 
-def _elevation_model(
-    path: DrivenPath, measured: Measurements, epochs: SmootherEpochs, without: Smoothed | None
-) -> list[str]:
+def _elevation_model(drive: SmoothedDrive, without: Smoothed | None) -> list[str]:
     """Where the elevation model stands out, by the drive's own heights; nothing where it has none."""
+    path, measured = drive.path, drive.measured
     if without is None or not np.isin(measured.sensor, (ALTITUDE, BARO)).any():
         return []
     mine = np.flatnonzero(measured.sensor == TERRAIN)
-    above = measured.value[mine] - without.mean[epochs.of_measurement[mine], HEIGHT]
+    above = measured.value[mine] - without.mean[drive.epochs.of_measurement[mine], HEIGHT]
     outliers = displaced(above, np.full(len(mine), DEM_SPACING_M))
     if outliers is None:
         return []

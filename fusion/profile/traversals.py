@@ -1,11 +1,12 @@
 """A drive's measurements brought to its traversals: what each sees of the road, of the drive and of the pass.
 
-How they are summed is not known here (``likelihood``).
+``factors`` sums them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,14 +33,25 @@ class Altimeter:
 
 
 @dataclass(frozen=True, eq=False)
-class OnTraversals:
+class SmoothedDrive:
+    """Everything known about a drive after smoothing."""
+
+    path: DrivenPath
+    measured: Measurements
+    epochs: SmootherEpochs
+    learned: Learned
+    altimeter: Altimeter = Altimeter()
+
+
+class OnTraversals(NamedTuple):
     """The m measurements on a drive's traversals in the order of driving, ready to be summed; columns of shape (m,).
 
-    ``variable`` and ``weights`` (m, 4): the first of four knot variables in each and their weights. ``constants``
-    (m, 6): what each sees of ``fusion.network.pass_factor.CONSTANTS``; ``passing`` (m, 2): of the mount's wander and of
-    the place along the road, in units of one sigma, each of the pass alone.
-    ``height_sensor``: 0 or 1 for those of ``HEIGHT_SENSORS``, else -1. ``variance`` has robust weights in it and
-    what the knots leave open. ``first`` (n + 1,): where each traversal's measurements begin.
+    Each measurement sees four knot variables: ``variable`` is the first of them, ``weights`` (m, 4) are theirs.
+    ``constants`` (m, 6) says what it sees of ``fusion.network.pass_factor.CONSTANTS``. ``passing`` (m, 2) says what
+    it sees of two errors that belong to the pass alone, in units of one sigma: the mount's wander, and the place
+    along the road. ``height_sensor`` is 0 or 1 for those of ``HEIGHT_SENSORS``, else -1. ``variance`` holds robust
+    weights, and the variance of the road between the knots. ``first`` (n + 1,): where each traversal's measurements
+    begin.
     """
 
     variable: Ints
@@ -53,20 +65,12 @@ class OnTraversals:
     first: Ints
 
 
-def on_traversals(
-    measured: Measurements,
-    epochs: SmootherEpochs,
-    learned: Learned,
-    path: DrivenPath,
-    altimeter: Altimeter,
-    place_sigma_m: Floats,
-    common_place_m: Floats,
-) -> OnTraversals:
+def on_traversals(drive: SmoothedDrive, place_sigma_m: Floats, common_place_m: Floats) -> OnTraversals:
     """Bring a drive's measurements to its traversals; terrain heights stay out, as the network has the DEM itself.
 
-    ``place_sigma_m`` (n,) is how far the place of each traversal errs by itself, ``common_place_m`` (n, 2) how far it
-    lies farther along the road for one sigma of the position's error to the east and to the north.
+    ``place_sigma_m`` and ``common_place_m`` are those of ``factors.place_sigma``.
     """
+    path, measured, learned, altimeter = drive.path, drive.measured, drive.learned, drive.altimeter
     clean, beyond = decorrelated(measured, learned.noise)
     traversal, distance = path.match.position_on(measured.along_m)
     keep = np.flatnonzero((measured.sensor != TERRAIN) & (traversal >= 0))
@@ -82,8 +86,10 @@ def on_traversals(
     seen = design(measured, beyond)[keep]
     # A height that is late by tau, taken for late by lag_s: y = H - climb (tau - lag_s). The unknown is tau.
     smoothed, along = learned.smoothed.mean[:, GRADE], measured.along_m[keep]
-    grades = smoothed[epochs.of_measurement[keep]]
-    before, after = (np.interp(along + d, epochs.along_m, smoothed) for d in (-_BEND_OVER_M, _BEND_OVER_M))
+    grades = smoothed[drive.epochs.of_measurement[keep]]
+    before, after = (
+        np.interp(along + d, drive.epochs.along_m, smoothed) for d in (-_BEND_OVER_M, _BEND_OVER_M)
+    )
     bend = (after - before) / (2 * _BEND_OVER_M)
     climb = grades * measured.speed_mps[keep]
     late = np.where(sensor == altimeter.sensor, -climb, 0.0)

@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 
 from fusion.frames import METRES_PER_DEGREE
-from fusion.roads.table import RoadTable
+from fusion.roads.table import RoadTable, identities
 from fusion.types import Bools, Floats, Ints
 
 
@@ -64,13 +64,14 @@ class RoadChanges:
 def compare(
     stored: RoadTable, member: Bools, others: Bools, file: RoadTable, tolerance_m: float
 ) -> RoadChanges:
-    """What a file makes of stored segments, of which some (``member``, (n,)) came from an older file of its region.
+    """What became of the n ``stored`` segments by a new ``file`` of a region.
 
-    ``others`` (n,): files of other regions have the segment, too. Of a way that the file has it is the file that
-    counts, between those of its nodes that it has; what lies beyond them on a way that another region has stays.
+    ``member`` (n,): the segment was in an older file of this region. ``others`` (n,): it is in files of other
+    regions. On a way that the file has, the file counts between those of the way's nodes that it has. Beyond them a
+    segment stays if another region has it.
     """
-    keys, rows = _keys(stored), {key: row for row, key in enumerate(_keys(file))}
-    at = np.array([rows.get(key, -1) for key in keys], np.int64)
+    rows = {key: row for row, key in enumerate(identities(file))}
+    at = np.array([rows.get(key, -1) for key in identities(stored)], np.int64)
     change = np.full(len(stored), -1, np.int64)
     same = np.flatnonzero(at >= 0)
     was, now = ends_of(stored, same), ends_of(file, at[same])
@@ -104,10 +105,6 @@ def ends_apart_m(ends: Floats, other: Floats) -> Floats:
     return np.asarray(apart.max(axis=1, initial=0.0))
 
 
-def _keys(table: RoadTable) -> list[_Key]:
-    return list(zip(table.osm_way_id.tolist(), table.from_node.tolist(), table.to_node.tolist(), strict=True))
-
-
 def _same_nodes(
     stored: RoadTable, gone: Ints, file: RoadTable, free: Ints, tolerance_m: float
 ) -> Iterator[tuple[int, int, Change]]:
@@ -132,7 +129,7 @@ def _same_nodes(
 
 
 def _replaced(stored: RoadTable, gone: Ints, file: RoadTable) -> Bools:
-    """Which of these the file has another course for: on their way they lie between two nodes that it has."""
+    """Which of these segments the file replaces by another course: those between two nodes of their way that it has."""
     ways = np.unique(stored.osm_way_id[gone])
     mine = np.flatnonzero(np.isin(file.osm_way_id, ways))
     nodes: dict[int, set[int]] = {}
@@ -140,7 +137,7 @@ def _replaced(stored: RoadTable, gone: Ints, file: RoadTable) -> Bools:
         nodes.setdefault(int(file.osm_way_id[k]), set()).update(
             (int(file.from_node[k]), int(file.to_node[k]))
         )
-    keys = _keys(stored.subset(gone))
+    keys = list(identities(stored.subset(gone)))
     after = {(way, a): b for way, a, b in keys}
     before = {(way, b): a for way, a, b in keys}
 
@@ -158,8 +155,8 @@ def _replaced(stored: RoadTable, gone: Ints, file: RoadTable) -> Bools:
 
 
 def _note_split_and_merged(stored: RoadTable, lost: Ints, file: RoadTable, free: Ints, change: Ints) -> None:
-    """Tell what is gone because its way has another number of nodes there from what is really gone."""
-    old, new = _keys(stored.subset(lost)), _keys(file.subset(free))
+    """Mark segments that are gone only because their way has more or fewer nodes there than before."""
+    old, new = (list(identities(part)) for part in (stored.subset(lost), file.subset(free)))
     row = {key: int(k) for key, k in zip(old, lost, strict=True)}
     new_after, old_after = ({(way, a): b for way, a, b in keys} for keys in (new, old))
     for key in old:

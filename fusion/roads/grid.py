@@ -43,11 +43,9 @@ class SegmentGrid(NamedTuple):
 
 def build_grid(x0: Floats, y0: Floats, x1: Floats, y1: Floats, oneway: NDArray[np.int8]) -> SegmentGrid:
     """Index n finite segments (shape (n,), metres). Cells grow with the extent: memory is linear in n."""
-    n = len(x0)
+    n, items = len(x0), np.empty(0, np.int64)
     if n == 0:
-        return SegmentGrid(
-            x0, y0, x1, y1, oneway, 0.0, 0.0, _MIN_CELL_M, 1, 1, np.zeros(2, np.int64), np.empty(0, np.int64)
-        )
+        return SegmentGrid(x0, y0, x1, y1, oneway, 0.0, 0.0, _MIN_CELL_M, 1, 1, np.zeros(2, np.int64), items)
     west, south = float(min(x0.min(), x1.min())), float(min(y0.min(), y1.min()))
     width, height = float(max(x0.max(), x1.max())) - west, float(max(y0.max(), y1.max())) - south
     cell = max(
@@ -57,31 +55,12 @@ def build_grid(x0: Floats, y0: Floats, x1: Floats, y1: Floats, oneway: NDArray[n
     )
     columns, rows = int(width / cell) + 1, int(height / cell) + 1
     start = np.zeros(columns * rows + 1, np.int64)
-    _fill_cells(x0, y0, x1, y1, west, south, cell, columns, rows, start, np.empty(0, np.int64), True)
+    grid = SegmentGrid(x0, y0, x1, y1, oneway, west, south, cell, columns, rows, start, items)
+    _fill_cells(grid, start, items, True)
     np.cumsum(start, out=start)
     items = np.empty(start[-1], np.int64)
-    _fill_cells(x0, y0, x1, y1, west, south, cell, columns, rows, start[:-1].copy(), items, False)
-    return SegmentGrid(x0, y0, x1, y1, oneway, west, south, cell, columns, rows, start, items)
-
-
-@compiled
-def segments_within(grid: SegmentGrid, x: float, y: float, radius: float) -> Ints:
-    """Indices, ascending, of the segments no farther than ``radius`` from (x, y)."""
-    first, last, low, high = cells_around(grid, x, y, radius)
-    total = 0
-    for row in range(low, high + 1):
-        total += grid.start[row * grid.columns + last + 1] - grid.start[row * grid.columns + first]
-    rows = np.empty(total, np.int64)
-    count = 0
-    for row in range(low, high + 1):
-        begin, end = grid.start[row * grid.columns + first], grid.start[row * grid.columns + last + 1]
-        for k in range(begin, end):
-            s = grid.items[k]
-            _, px, py = project_point(grid.x0[s], grid.y0[s], grid.x1[s], grid.y1[s], x, y)
-            if (px - x) ** 2 + (py - y) ** 2 <= radius * radius:
-                rows[count] = s
-                count += 1
-    return np.unique(rows[:count])
+    _fill_cells(grid, start[:-1].copy(), items, False)
+    return grid._replace(items=items)
 
 
 @compiled
@@ -116,23 +95,11 @@ def clamp_cell(offset_m: float, cell_m: float, count: int) -> int:
 
 
 @compiled
-def _fill_cells(
-    x0: Floats,
-    y0: Floats,
-    x1: Floats,
-    y1: Floats,
-    west: float,
-    south: float,
-    cell: float,
-    columns: int,
-    rows: int,
-    cursor: Ints,
-    items: Ints,
-    counting: bool,
-) -> None:
+def _fill_cells(grid: SegmentGrid, cursor: Ints, items: Ints, counting: bool) -> None:
     """Visit every cell that each segment touches: count into cursor[cell + 1], or write at cursor[cell]."""
-    for s in range(len(x0)):
-        xa, ya, xb, yb = x0[s] - west, y0[s] - south, x1[s] - west, y1[s] - south
+    west, south, cell, columns, rows = grid.west, grid.south, grid.cell_m, grid.columns, grid.rows
+    for s in range(len(grid.x0)):
+        xa, ya, xb, yb = grid.x0[s] - west, grid.y0[s] - south, grid.x1[s] - west, grid.y1[s] - south
         if xa > xb:
             xa, ya, xb, yb = xb, yb, xa, ya
         first, last = clamp_cell(xa - _SLACK_M, cell, columns), clamp_cell(xb + _SLACK_M, cell, columns)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fusion.frames import LocalProjection
-from fusion.roads.grid import SegmentGrid, build_grid, segments_within
+from fusion.roads.grid import SegmentGrid, build_grid
 from fusion.roads.table import RoadTable
-from fusion.types import Floats, Ints
+from fusion.types import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +57,6 @@ class RoadNetwork:
     def grid(self) -> SegmentGrid:
         """The segments and their spatial index, for compiled loops; built at first use."""
         return build_grid(self.x0, self.y0, self.x1, self.y1, np.ascontiguousarray(self.table.oneway))
-
-    def candidates(self, x_m: float, y_m: float, radius_m: float) -> Ints:
-        """Indices, ascending, of the segments no farther than ``radius_m`` from the point, shape (k,)."""
-        if not (np.isfinite(x_m) and np.isfinite(y_m)) or radius_m < 0:
-            return np.empty(0, np.int64)
-        rows: Ints = segments_within(self.grid, float(x_m), float(y_m), float(radius_m))
-        return rows
 
     def project_points(
         self, x_m: ArrayLike, y_m: ArrayLike, segment: ArrayLike

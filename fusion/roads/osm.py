@@ -19,7 +19,8 @@ from fusion.roads.table import DTYPE_OF, RoadTable
 from fusion.types import Progress, no_progress
 
 PBF_TIMES, GZIP_TIMES = 20, 50
-"""PBF packs to a half or a third, XML by gzip to a tenth: more is an attack, and each node of it takes memory."""
+"""How many times its size a file may unpack to. PBF packs to a half or a third, and gzip packs XML to a tenth. A file
+that packs better is an attack, and each of its nodes takes memory."""
 _FREE_BYTES = 64 << 20  # which any file may unpack to
 _CHUNK_BYTES = 1 << 20
 _HEADER_BYTES = 64 << 10  # as the format bounds it
@@ -130,12 +131,7 @@ class _Ways:
     y: array[int] = field(default_factory=lambda: array("i"))
     id: list[int] = field(default_factory=list)
     nodes: list[int] = field(default_factory=list)
-    oneway: list[int] = field(default_factory=list)
-    bridge: list[bool] = field(default_factory=list)
-    tunnel: list[bool] = field(default_factory=list)
-    layer: list[int] = field(default_factory=list)
-    highway: list[str] = field(default_factory=list)
-    name: list[str | None] = field(default_factory=list)
+    tags: dict[str, list[Any]] = field(default_factory=lambda: {name: [] for name in _OF_WAYS})
 
     def add(self, way: Any) -> None:
         """Append one osmium way whose nodes carry their locations."""
@@ -149,12 +145,11 @@ class _Ways:
         highway = tag("highway")
         self.id.append(way.id)
         self.nodes.append(len(self.node) - before)
-        self.oneway.append(oneway_of(highway, tag("oneway"), tag("junction")))
-        self.bridge.append(tag("bridge", "no") != "no")
-        self.tunnel.append(tag("tunnel", "no") != "no")
-        self.layer.append(layer_of(tag("layer")))
-        self.highway.append(highway)
-        self.name.append(tag("name"))
+        bridge, tunnel = (tag(name, "no") != "no" for name in ("bridge", "tunnel"))
+        oneway, layer = oneway_of(highway, tag("oneway"), tag("junction")), layer_of(tag("layer"))
+        values = oneway, bridge, tunnel, layer, highway, tag("name")
+        for name, value in zip(_OF_WAYS, values, strict=True):
+            self.tags[name].append(value)
 
 
 def read_roads(path: Path, progress: Progress = no_progress) -> RoadTable:
@@ -269,7 +264,7 @@ def _segments(ways: _Ways) -> RoadTable:
         lat0_deg=_degrees(y[i]),
         lon1_deg=_degrees(x[i + 1]),
         lat1_deg=_degrees(y[i + 1]),
-        **{name: np.array(getattr(ways, name), DTYPE_OF[name])[w] for name in _OF_WAYS},
+        **{name: np.array(ways.tags[name], DTYPE_OF[name])[w] for name in _OF_WAYS},
         skipped=skipped,
     )
 

@@ -111,13 +111,7 @@ class RoadTable:
 
     def within(self, west_deg: float, south_deg: float, east_deg: float, north_deg: float) -> RoadTable:
         """The segments whose bounding box meets the given one (WGS 84 degrees)."""
-        meets = (
-            (np.minimum(self.lon0_deg, self.lon1_deg) <= east_deg)
-            & (np.maximum(self.lon0_deg, self.lon1_deg) >= west_deg)
-            & (np.minimum(self.lat0_deg, self.lat1_deg) <= north_deg)
-            & (np.maximum(self.lat0_deg, self.lat1_deg) >= south_deg)
-        )
-        return self.subset(meets)
+        return self.along(np.array([[west_deg, south_deg, east_deg, north_deg]]))
 
     def along(self, boxes_deg: Floats) -> RoadTable:
         """The segments whose bounding box meets one of the boxes (m, 4: west, south, east, north)."""
@@ -148,11 +142,12 @@ def rows_of(table: RoadTable, part: RoadTable) -> Ints:
     Raises ``KeyError`` where one is not in it.
     """
     candidates = np.flatnonzero(np.isin(table.osm_way_id, part.osm_way_id))
-    row = dict(zip(_identities(table.subset(candidates)), candidates.tolist(), strict=True))
-    return np.array([row[identity] for identity in _identities(part)], np.int64)
+    row = dict(zip(identities(table.subset(candidates)), candidates.tolist(), strict=True))
+    return np.array([row[identity] for identity in identities(part)], np.int64)
 
 
-def _identities(table: RoadTable) -> Iterator[tuple[int, int, int]]:
+def identities(table: RoadTable) -> Iterator[tuple[int, int, int]]:
+    """What each segment is known by: way, from_node, to_node."""
     return zip(table.osm_way_id.tolist(), table.from_node.tolist(), table.to_node.tolist(), strict=True)
 
 

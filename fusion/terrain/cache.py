@@ -62,7 +62,7 @@ class DemCache:
 
 
 class _LruCache(Generic[T]):
-    """The things used last, by key: at most ``limit``, made when they are asked for and missing."""
+    """At most ``limit`` things by key. A thing that is missing is made when it is asked for."""
 
     def __init__(self, limit: int, drop: Callable[[T], object] | None = None) -> None:
         """``drop`` is called with each thing that has to go."""

@@ -26,10 +26,10 @@ _PLACES_AT_ONCE = 1_000_000  # bounds the memory of coordinates in between
 class Dem:
     """Elevation rasters of any CRS and posting, read as they are asked for; safe to use from several threads.
 
-    Where several cover a point, the one of the highest priority counts, of one priority the finest, of one grid the
-    first; where it has a void, the next one fills. Two rasters seldom agree at a seam: ``heights`` steps there by as
-    much as they differ, ``heights_along`` keeps each line on one of them, and ``posts`` keeps to the grid of one, its
-    voids filled.
+    Where several cover a point, the one of the highest priority counts. Among equal priorities it is the finest, and
+    within one grid the first. The next one fills its voids. Two rasters seldom agree at a seam: ``heights`` steps
+    there by as much as they differ, ``heights_along`` keeps each line on one raster, and ``posts`` keeps to one grid,
+    with its voids filled.
 
     ``datum`` says what heights refer to: "EGM96" for HGT tiles, what the CRS states for others, else "unknown", and
     "mixed (...)" where the rasters differ. ``description`` is a line for people, ``names`` are the rasters' files,
@@ -132,7 +132,7 @@ class Dem:
         """Heights as ``heights`` gives them, m, shape (n,), but of one raster's grid along each line (n,: its number,
         from 0), so that no line has a step where two rasters meet.
 
-        A line is of the first mosaic that knows all its places. Where none does, mosaics fill each other as far as
+        A line takes the first mosaic that knows all its places. Where none does, mosaics fill each other as far as
         their rasters state one datum; what is left is NaN.
         """
         heights = np.full(len(lon_deg), np.nan)
@@ -245,9 +245,10 @@ _Grid = tuple[Mosaic, list[tuple[int, Raster]]]
 
 
 def _levels(grid: _Grid, cache: DemCache) -> Iterator[tuple[int, Mosaic]]:
-    """The grid once for each priority of its rasters: those of it and, before them, of the higher ones.
+    """The grid once for each priority of its rasters: with the rasters of that priority and of all higher ones.
 
-    So the cells between two tiles of different priorities belong to the lower one, and no gap opens there.
+    The higher ones come first. So the cells between two tiles of different priorities belong to the lower priority, and
+    no gap opens there.
     """
     mosaic, rasters = grid
     priorities = sorted({priority for priority, _ in rasters}, reverse=True)

@@ -1,8 +1,9 @@
-"""Which one GDAL driver opens a raster, by what the file holds, and in what way.
+"""Which one GDAL driver opens a raster: the content of the file decides.
 
-GDAL has 140 drivers. Some read files and addresses that the raster names (a VRT its sources, any driver the headers and
-overviews beside the file), and each is asked whether a file is its own. So a raster that is not the operator's own is
-opened by one of the few below, which are complete in one file, and nothing beside it is looked at.
+GDAL has 140 drivers, and asks each whether a file is its own. Some of them read other files and addresses that the
+raster names: a VRT its sources, any driver the headers and overviews beside the file. So a raster that is not the
+operator's own is opened by one of the few drivers below. Their rasters are complete in one file, and nothing beside
+it is looked at.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ HGT_SIDES = {(1201, 1201), (1801, 3601), (3601, 3601), (7201, 7201)}
 """Columns and rows of the tiles that there are, two bytes a post."""
 HGT_MOST_BYTES = 2 * max(columns * rows for columns, rows in HGT_SIDES)
 BLOCK_BYTES = 64 << 20
-"""What may have to be unpacked for one post: the largest block (tile or strip) of a raster, all bands."""
+"""The most that may have to be unpacked for one post: a block (tile or strip) of a raster with all its bands."""
 
 _HGT_BYTES = {2 * columns * rows for columns, rows in HGT_SIDES}
 _TIFF = (b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")

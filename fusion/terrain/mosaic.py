@@ -76,8 +76,8 @@ class Mosaic:
 
     def _origin_of(self, raster: Raster) -> tuple[float, float]:
         """Grid coordinates of a raster's first post."""
-        u, v = apply(~self.posts, np.array([raster.posts.c]), np.array([raster.posts.f]))
-        return float(u[0]), float(v[0])
+        u, v = ~self.posts @ (raster.posts.c, raster.posts.f)
+        return u, v
 
     def grid_coordinates(self, lon_deg: Floats, lat_deg: Floats) -> tuple[Floats, Floats]:
         """WGS 84 degrees, shape (n,), to (u, v); not finite where the CRS does not reach."""
@@ -186,7 +186,7 @@ class Mosaic:
     def _pieces(
         self, row: int, column: int
     ) -> Iterator[tuple[int, tuple[slice, slice], tuple[int, int, int, int]]]:
-        """The rasters in a block: number, where in the block, and which rows and columns of it (first, count)."""
+        """The rasters in a block: number, place in the block, and window of the raster (row, column, rows, columns)."""
         size = BLOCK_POSTS + 1
         top, left = row * BLOCK_POSTS, column * BLOCK_POSTS
         first = np.maximum(self._boxes[:, :2], [top, left])
@@ -223,21 +223,6 @@ class DemPatch:
     v: Floats
     mosaic: Mosaic
 
-    @property
-    def posting_m(self) -> tuple[float, float]:
-        """Distances between neighbouring posts along a row and along a column, metres."""
-        along_row, along_column = self.mosaic.posting_m
-        return along_row * self.step, along_column * self.step
-
-    def lonlat(self) -> tuple[Floats, Floats]:
-        """Longitudes and latitudes of all posts, degrees, both of ``z``'s shape."""
-        rows, columns = np.indices(self.z.shape, float)
-        return self.mosaic.lonlat(self.u0 + columns * self.step, self.v0 + rows * self.step)
-
-    def xy(self, projection: LocalProjection) -> tuple[Floats, Floats]:
-        """Local metres of all posts, both of ``z``'s shape."""
-        return projection.to_xy(*self.lonlat())
-
     def local_grid(self, projection: LocalProjection) -> LocalGrid:
         """The map between a local plane and the mosaic's grid around this patch (``LocalGrid`` says how good)."""
         rows, columns = self.z.shape
@@ -247,7 +232,7 @@ class DemPatch:
 
 
 def _runs(posts: range) -> Iterator[tuple[int, slice, slice]]:
-    """(block, where they go, where they come from) for the posts of each block, ``posts`` ascending."""
+    """Splits ascending ``posts`` by block: the block, their places among ``posts``, and their places in the block."""
     done = 0
     while done < len(posts):
         block = posts[done] // BLOCK_POSTS

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,16 +11,12 @@ from fusion.types import Floats
 
 _COLLINEAR = 1e-7  # ratio of the singular values of centred coordinates
 
-Plane = tuple[float, float, float, float, float, float, int]
-"""The fields of a ``PlaneModel`` in their order; ``posts`` is 0 where there is no plane."""
 
-
-@dataclass(frozen=True, slots=True)
-class PlaneModel:
+class PlaneModel(NamedTuple):
     """The plane z = a (x - x0) + b (y - y0) + c over local metres.
 
     ``sigma_m`` is the standard deviation of the posts about it (residuals over n - 3), NaN for n = 3;
-    ``posts`` is n.
+    ``posts`` is n, or 0 where there is no plane.
     """
 
     a: float
@@ -31,33 +27,20 @@ class PlaneModel:
     sigma_m: float
     posts: int
 
-    def height(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Heights at local metres, in the broadcast shape."""
-        return (
-            self.a * (np.asarray(x_m, float) - self.x0) + self.b * (np.asarray(y_m, float) - self.y0) + self.c
-        )
-
     def height_at(self, x_m: float, y_m: float) -> float:
-        """The height at one place."""
+        """The height at a place in local metres."""
         return self.a * (x_m - self.x0) + self.b * (y_m - self.y0) + self.c
 
 
-def fit_plane(x_m: Floats, y_m: Floats, z_m: Floats) -> PlaneModel | None:
-    """The least-squares plane (3.10) of the points with a height; None for fewer than 3 or collinear ones.
-
-    Arguments have shape (n,). Coordinates are centred first, and an orthogonal basis takes the place of the
-    normal equations: squares of UTM coordinates would leave three digits to the slope.
-    """
-    known = np.isfinite(z_m)
-    plane = plane_through(*(np.asarray(w, np.float64)[known] for w in (x_m, y_m, z_m)))
-    return PlaneModel(*plane) if plane[-1] else None
-
-
 @compiled
-def plane_through(x: Floats, y: Floats, z: Floats) -> Plane:
-    """``fit_plane`` for points that all have a height."""
+def plane_through(x: Floats, y: Floats, z: Floats) -> PlaneModel:
+    """The least-squares plane (3.10) through points (n,); none through fewer than 3 or collinear ones.
+
+    Coordinates are centred first, and an orthogonal basis takes the place of the normal equations: squares of UTM
+    coordinates would leave three digits to the slope.
+    """
     n = len(z)
-    none = (np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, 0)
+    none = PlaneModel(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, 0)
     if n < 3:
         return none
     x0, y0, z0 = x.mean(), y.mean(), z.mean()
@@ -84,4 +67,4 @@ def plane_through(x: Floats, y: Floats, z: Floats) -> Plane:
     if n > 3:
         residual = dz - p1 * dx - p2 * dy
         sigma = np.sqrt(np.sum(residual * residual) / (n - 3))
-    return a, b, z0, x0, y0, sigma, n
+    return PlaneModel(a, b, z0, x0, y0, sigma, n)

@@ -32,16 +32,17 @@ def pair(paths: Sequence[Path]) -> list[tuple[Path, Path | None]]:
     A quality layer is known by its name (``..._num.tif`` beside ``..._dem.tif``, in any case). Raises
     ``TerrainError`` for one without its elevations: its numbers must not pass for heights.
     """
-    given = {_tile(path): Path(path) for path in paths if _kind(path) == "num"}
-    elevations = [Path(path) for path in paths if _kind(path) != "num"]
+    named = [(*_tile_and_kind(path), Path(path)) for path in paths]
+    given = {tile: path for tile, kind, path in named if kind == "num"}
+    elevations = [(tile, path) for tile, kind, path in named if kind != "num"]
     for tile, path in given.items():
-        if tile not in map(_tile, elevations):
+        if tile not in {of for of, _ in elevations}:
             raise TerrainError(
                 f"{path.name} is a quality layer: it counts scenes and holds no elevations. Give the elevations "
                 f"({re.sub('num', 'dem', path.name, flags=re.IGNORECASE)}); the quality layer beside them is found "
                 "by its name."
             )
-    return [(path, given.get(_tile(path)) or _beside(path)) for path in elevations]
+    return [(path, given.get(tile) or _beside(path)) for tile, path in elevations]
 
 
 def quality_name(path: Path) -> str:
@@ -73,14 +74,10 @@ def read_scenes(raster: Raster, dataset: Any, row: int, column: int, rows: int, 
     return scenes
 
 
-def _kind(path: Path) -> str:
+def _tile_and_kind(path: Path) -> tuple[str, str]:
+    """The tile that a file is of, and whether it is its ``dem`` or its ``num``; nothing of files of other names."""
     match = _NAME.fullmatch(Path(path).name)
-    return match["kind"].lower() if match else ""
-
-
-def _tile(path: Path) -> str:
-    match = _NAME.fullmatch(Path(path).name)
-    return match["tile"].casefold() if match else ""
+    return (match["tile"].casefold(), match["kind"].lower()) if match else ("", "")
 
 
 def _beside(path: Path) -> Path | None:

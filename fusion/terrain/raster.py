@@ -169,12 +169,6 @@ def apply(affine: Affine, x: Floats, y: Floats) -> tuple[Floats, Floats]:
     return a * x + b * y + c, d * x + e * y + f
 
 
-def shifted(affine: Affine, x: float, y: float) -> Affine:
-    """The affine map of points counted from (x, y)."""
-    a, b, c, d, e, f = affine[:6]
-    return Affine(a, b, a * x + b * y + c, d, e, d * x + e * y + f)
-
-
 def _check_file(path: Path) -> None:
     try:
         with path.open("rb") as file:
@@ -220,7 +214,7 @@ def _header_of(path: Path, dataset: Any, *, trusted: bool) -> Raster:
     return Raster(
         path=path,
         # rasterio's transform is of pixel corners, even of AREA_OR_POINT=Point files (GDAL shifts them)
-        posts=shifted(dataset.transform, 0.5, 0.5),
+        posts=dataset.transform @ Affine.translation(0.5, 0.5),
         rows=dataset.height,
         columns=dataset.width,
         crs=_horizontal(crs),

@@ -26,7 +26,7 @@ from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 from fusion.terrain.local_grid import LocalGrid, polynomial, tin_height
 from fusion.terrain.mosaic import DemPatch
-from fusion.terrain.plane import Plane, PlaneModel, plane_through
+from fusion.terrain.plane import PlaneModel, plane_through
 from fusion.types import Floats, Ints
 
 TIN_MARGIN_M = 150.0
@@ -39,12 +39,8 @@ Select = Callable[[tuple[int, ...], Floats, Floats], Mask]
 class HeightModel(Protocol):
     """The terrain near one segment."""
 
-    def height(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Heights in metres at local metres, in the broadcast shape; NaN where unknown."""
-        ...
-
     def height_at(self, x_m: float, y_m: float) -> float:
-        """The same for one place, without the cost of arrays."""
+        """The height in metres at a place in local metres; NaN where unknown."""
         ...
 
 
@@ -55,19 +51,11 @@ class TinModel:
     patch: DemPatch
     grid: LocalGrid
 
-    def height(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Heights at local metres, in the broadcast shape; NaN beyond the patch and at voids."""
-        x, y = np.broadcast_arrays(np.asarray(x_m, float), np.asarray(y_m, float))
-        flat = (np.ascontiguousarray(w).ravel() for w in (x, y))
-        return _tin_heights(*self._surface(), *flat).reshape(x.shape)
-
     def height_at(self, x_m: float, y_m: float) -> float:
-        """The height at one place; NaN beyond the patch and at voids."""
-        return float(_tin_height(*self._surface(), x_m, y_m))
-
-    def _surface(self) -> tuple[Floats, tuple[float, float, float], tuple[float, float, float], Floats]:
-        patch = self.patch
-        return patch.z, (patch.u0, patch.v0, patch.step), self.grid.plane_box, self.grid.to_grid
+        """The height at a place in local metres; NaN beyond the patch and at voids."""
+        patch, grid = self.patch, self.grid
+        posts = patch.u0, patch.v0, patch.step
+        return float(_tin_height(patch.z, posts, grid.plane_box, grid.to_grid, x_m, y_m))
 
 
 @compiled
@@ -81,21 +69,6 @@ def _tin_height(
 ) -> float:
     u, v = polynomial(to_grid, (x_m - box[0]) / box[2], (y_m - box[1]) / box[2])
     return tin_height(z, (u - posts[0]) / posts[2], (v - posts[1]) / posts[2])
-
-
-@compiled
-def _tin_heights(
-    z: Floats,
-    posts: tuple[float, float, float],
-    box: tuple[float, float, float],
-    to_grid: Floats,
-    x_m: Floats,
-    y_m: Floats,
-) -> Floats:
-    heights = np.empty(len(x_m))
-    for k in range(len(x_m)):
-        heights[k] = _tin_height(z, posts, box, to_grid, x_m[k], y_m[k])
-    return heights
 
 
 @dataclass(frozen=True)
@@ -127,8 +100,8 @@ def _plane(select: Select, patch: DemPatch, network: RoadNetwork) -> PlaneModel 
     u0, v0, step = patch.u0, patch.v0, patch.step
     marked = select(patch.z.shape, (patch.u - u0) / step, (patch.v - v0) / step)
     grid = patch.local_grid(network.projection)
-    plane = _plane_of_marked(patch.z, marked, (u0, v0, step), grid.grid_box, grid.to_plane)
-    return PlaneModel(*plane) if plane[-1] else None
+    plane: PlaneModel = _plane_of_marked(patch.z, marked, (u0, v0, step), grid.grid_box, grid.to_plane)
+    return plane if plane.posts else None
 
 
 @compiled
@@ -138,7 +111,7 @@ def _plane_of_marked(
     posts: tuple[float, float, float],
     box: tuple[float, float, float, float],
     to_plane: Floats,
-) -> Plane:
+) -> PlaneModel:
     """The plane through the marked posts that have a height; ``posts`` is their grid (u0, v0, step)."""
     rows, columns = np.nonzero(marked & np.isfinite(z))
     n = len(rows)

@@ -65,11 +65,10 @@ def test_doubled_and_empty_rows_are_dropped() -> None:
     assert one.pseudorange_m.tolist() == [5.0]
 
 
-def test_taking_epochs_and_rows() -> None:
+def test_taking_rows_keeps_the_epochs() -> None:
     one = Signals.assemble(
         np.array([1.0, 1, 2, 3]), np.zeros(4, int), np.array([1, 2, 1, 1]), pseudorange_m=np.arange(4.0)
     )
-    assert one.take_epochs(np.array([True, False, True])).pseudorange_m.tolist() == [0, 1, 3]
     rest = one.take_rows(np.array([False, False, True, True]))
     assert rest.first.tolist() == [0, 0, 1, 2]
     assert rest.epoch.tolist() == [1, 2]

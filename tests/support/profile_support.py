@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,12 @@ from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
 from fusion.profile.inertia import set_right
 from fusion.profile.levels import prior_noise
-from fusion.profile.measurements import Measurements, build_measurements
+from fusion.profile.measurements import build_measurements
 from fusion.profile.method import MIN_MEASUREMENTS, ProfileOptions
-from fusion.profile.model import SmootherEpochs, build_smoother_epochs
-from fusion.profile.noise import Learned, learn
-from fusion.profile.path import DrivenPath, find_path
+from fusion.profile.model import build_smoother_epochs
+from fusion.profile.noise import learn
+from fusion.profile.path import find_path
+from fusion.profile.traversals import SmoothedDrive
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
@@ -210,14 +211,10 @@ def coverage(outcomes: Iterable[Outcome]) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class Smoothed(SmoothedDrive):
     """The parts of ``profile`` for one log, one after the other."""
 
-    path: DrivenPath
-    measured: Measurements
-    epochs: SmootherEpochs
-    learned: Learned
-    fix: GnssFix
+    fix: GnssFix = field(kw_only=True)
 
 
 def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options: bool) -> Smoothed:
@@ -228,7 +225,7 @@ def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options:
     measured = build_measurements(set_right(log)[0], path, dem, ProfileOptions(**options).sensors())
     assert len(measured) >= MIN_MEASUREMENTS
     epochs = build_smoother_epochs(measured, path)
-    return Smoothed(path, measured, epochs, learn(measured, epochs, prior_noise(measured)), log.fix)
+    return Smoothed(path, measured, epochs, learn(measured, epochs, prior_noise(measured)), fix=log.fix)
 
 
 @dataclass(frozen=True)

@@ -51,12 +51,11 @@ def drive_log(kind: str, seed: int = 3) -> DriveLog:
 
 
 def factors_of(one: Smoothed, altimeter: Altimeter = NONE) -> list[PassFactor]:
-    return pass_factors(one.measured, one.epochs, one.learned, one.path, altimeter, one.fix)
+    return pass_factors(replace(one, altimeter=altimeter), one.fix)
 
 
 def data_of(one: Smoothed, altimeter: Altimeter = NONE) -> OnTraversals:
-    own_m, common_m = place_sigma(one.path, one.fix)
-    return on_traversals(one.measured, one.epochs, one.learned, one.path, altimeter, own_m, common_m)
+    return on_traversals(replace(one, altimeter=altimeter), *place_sigma(one.path, one.fix))
 
 
 def traversals(one: Smoothed) -> list[int]:

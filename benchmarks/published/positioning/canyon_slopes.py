@@ -7,7 +7,6 @@ velocities from Doppler at those places. Velocities are made from Doppler in the
 
 from __future__ import annotations
 
-from argparse import Namespace
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from accuracy.scoring import Errors, Row, figures, show_progress
 from accuracy.sequences import TrueSlope
 from fusion.errors import FusionError
 from fusion.gnss.positioning import positioned
-from fusion.pipeline import parse_options, run_drive, solve_network
+from fusion.pipeline import FusedDrive, parse_options, run_drive, solve_network
 from fusion.published.canyon.drive import CanyonDrive, canyon_of
 from fusion.published.canyon.sky import synthetic_navigation
 from fusion.registry import DEFAULT_METHOD
@@ -71,7 +70,7 @@ def outcome(town: Town, drive: SimulatedDrive, log: DriveLog, gnss: str) -> tupl
     options = parse_options(DEFAULT_METHOD, {"gnss": gnss})
     network, result = run_drive(computed, town.roads, None, options=options)
     rows = rows_of(town.roads, network.table)
-    one = Namespace(rows=rows, result=result, epoch_s=computed.log.fix.time_s)
+    one = FusedDrive(rows, result, computed.log.fix.time_s)
     parts = solve_network(town.roads, None, [one]).parts
     driven = {
         p.segment for p in drive.passes() if p.driven_m >= LEAST_DRIVEN * town.roads.length_m[p.segment]

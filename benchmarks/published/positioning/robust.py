@@ -66,10 +66,7 @@ def track(
     for turn in range(ROUNDS):
         rows = problem.rows._replace(range_m=ranges - offset)
         forward(problem._replace(rows=rows, errors=_normal(variance / weights)), mean, out)
-        if smoothed:
-            smooth(out, mean, covariance)
-        else:
-            mean, covariance = out.mean.copy(), out.covariance.copy()
+        mean, covariance = smooth(out) if smoothed else (out.mean.copy(), out.covariance.copy())
         off = residuals(problem.rows, mean)
         # Laws with several optima begin from Huber's, which has one.
         weigh = ESTIMATORS["huber" if name not in ("gaussian", "huber") and turn < BEGUN else name]

@@ -60,10 +60,6 @@ class ErrorLaw:
         with np.errstate(divide="ignore"):
             return np.asarray(logsumexp(parts + np.log(self.weight), axis=-1))
 
-    def density(self, error_m: Floats) -> Floats:
-        """The density per metre at errors (n,)."""
-        return np.exp(self.log_density(error_m))
-
     def cdf(self, error_m: Floats) -> Floats:
         """The probability of an error of at most each of (n,)."""
         away = np.asarray(error_m, float)[..., None] - self.mean_m

@@ -7,7 +7,7 @@ the weights of iterated least squares about it, for a receiver that sees p and s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -42,10 +42,6 @@ class Law:
     delay_m: float = 30.0
     noise: float = 1.0
     """What s is multiplied by."""
-
-    def shifted(self, midpoint_dbhz: float) -> Law:
-        """The same with another midpoint."""
-        return replace(self, midpoint_dbhz=midpoint_dbhz)
 
     def share(self, cn0_dbhz: Floats) -> Floats:
         """Probability of being reflected, (n,); unknown C/N0 counts as ``UNKNOWN_CN0_DBHZ``."""

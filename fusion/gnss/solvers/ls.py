@@ -103,10 +103,9 @@ def _epochs(
         ):
             mean[:] = 0.0  # the next one begins at the rough place
             continue
+        misfit = _misfit(rows, begin, used, mean, residuals)
         if count > unknowns:
-            misfits[k] = _misfit(rows, begin, used, mean, residuals) / (count - unknowns)
-        else:
-            _misfit(rows, begin, used, mean, residuals)
+            misfits[k] = misfit / (count - unknowns)
         means[k] = mean
         if not clocks[0]:
             means[k, CLOCK:] = np.nan

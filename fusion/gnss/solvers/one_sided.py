@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -16,7 +16,7 @@ from fusion.gnss.solvers import one_sided_motion as motions
 from fusion.gnss.solvers import state
 from fusion.gnss.solvers.one_sided_filter import ENOUGH_SATELLITES, Problem, forward
 from fusion.gnss.solvers.smoother import Pass, empty_pass, smooth
-from fusion.types import LONGEST_BRIDGED_OUTAGE_S, Floats, Progress
+from fusion.types import Floats, Progress
 
 TAU_S = 4.0
 """So long are errors of a satellite alike at the speed of traffic in a town (notes 6: 2 to 5 s); its range rate is
@@ -37,14 +37,6 @@ class OneSidedOptions(SolverOptions):
     odometer: bool = Field(True, description="use odometer speed and yaw rate where the log has them")
     doppler: bool = Field(True, description="use range rates from Doppler where the log has them")
     height: bool = Field(True, description="use heights from map and elevation model where they are known")
-
-
-class _Result(NamedTuple):
-    """A track with what it rests on: forward pass, means (m, n) and covariances (m, n, n)."""
-
-    track: Pass
-    mean: Floats
-    covariance: Floats
 
 
 class OneSided:
@@ -72,14 +64,14 @@ class OneSided:
         progress("positions", 0.0)
         law = learning.receiver_law(measured)
         problem, n = problem_of(frame, measured, aids, options, law)
-        result = _solve(problem, n, options.smooth)
-        level = learning.noise_level(problem.errors, learning.residuals(problem.rows, result.mean))
+        track, mean = _solve(problem, n, options.smooth)
+        level = learning.noise_level(problem.errors, learning.residuals(problem.rows, mean))
         if level > _LOUDER:
             law = replace(law, noise=level)
             problem = problem._replace(errors=law.errors(measured.cn0_dbhz))
-            result = _solve(problem, n, options.smooth)
+            track, mean = _solve(problem, n, options.smooth)
         progress("positions", 0.5)
-        mean, covariance, like_s = _honest(problem, measured, result, options.smooth)
+        mean, covariance, like_s = _honest(problem, measured, mean, options.smooth)
         progress("positions", 1.0)
         for k in range(len(mean)):
             motions.velocity(problem.motion, k, mean[k], covariance[k])
@@ -87,7 +79,7 @@ class OneSided:
             "midpoint_dbhz": round(law.midpoint_dbhz, 2),
             "noise": round(law.noise, 3),
             "errors_alike_s": round(like_s, 2),
-            "runs": int(result.track.begins.sum()),
+            "runs": int(track.begins.sum()),
             "odometer": problem.motion.gyro >= 0,
         }
         return _solution(frame, problem, mean, covariance, measured, report)
@@ -100,7 +92,7 @@ def problem_of(
     law = law or Law()
     n = state.states(measured)
     gyro = n if options.odometer and np.isfinite(aids.speed_mps).any() else -1
-    motion = motions.motion_of(measured.time_s, aids, gyro >= 0, gyro)
+    motion = motions.motion_of(measured.time_s, aids, gyro)
     tau_s = np.where(
         motion.led, 1 / (1 / _STANDING_TAU_S + motion.speed_mps / _LIKE_WAY_M), np.full(len(measured), TAU_S)
     )
@@ -123,7 +115,6 @@ def problem_of(
         inflation=_inflation(measured.time_s, tau_s),
         rate_inflation=_inflation(measured.time_s, np.full(len(measured), TAU_S)),
         rate_wider=1.0,
-        longest_gap_s=LONGEST_BRIDGED_OUTAGE_S,
     )
     return problem, n + (gyro >= 0)
 
@@ -136,41 +127,32 @@ def _inflation(time_s: Floats, tau_s: Floats) -> Floats:
     return np.asarray(np.maximum(1.0, tau_s / np.maximum(step_s, 1e-3)))
 
 
-def _solve(problem: Problem, n: int, smoothed: bool) -> _Result:
-    """The filter's track; or filter and smoother in turn, each pass about the track before."""
+def _solve(problem: Problem, n: int, smoothed: bool) -> tuple[Pass, Floats]:
+    """The forward pass and means (m, n): the filter's alone, or filter and smoother in turn, each about the last."""
     track = empty_pass(len(problem.motion.dt_s), n)
     forward(problem, np.full_like(track.mean, np.nan), track)
-    mean, covariance = track.mean, track.covariance
+    mean = track.mean
     for wider in _PASSES_WIDER if smoothed else ():
-        mean, covariance = np.empty_like(track.mean), np.empty_like(track.covariance)
-        smooth(track, mean, covariance)
+        mean, _ = smooth(track)
         forward(problem._replace(rate_wider=wider), mean, track)
-    return _Result(track, mean, covariance)
+    return track, mean
 
 
 def _honest(
-    problem: Problem, measured: Measurements, result: _Result, smoothed: bool
+    problem: Problem, measured: Measurements, mean: Floats, smoothed: bool
 ) -> tuple[Floats, Floats, float]:
     """Means, covariances, and how long errors stay alike (s).
 
     The errors are as much alike as the residuals say, and the satellites' own come on top. The filter keeps its means,
     which follow fast; the smoother's are those of the longer time.
     """
-    like_s = learning.correlation_s(
-        problem.rows,
-        problem.errors,
-        measured.time_s,
-        learning.residuals(problem.rows, result.mean),
-        TAU_S,
-    )
+    residual = learning.residuals(problem.rows, mean)
+    like_s = learning.correlation_s(problem.rows, problem.errors, measured.time_s, residual, TAU_S)
     inflation = np.maximum(problem.inflation, _inflation(measured.time_s, np.full(len(measured), like_s)))
     wider = problem._replace(inflation=inflation)
-    track = empty_pass(*result.mean.shape)
-    forward(wider, result.mean, track)
-    mean, covariance = result.mean.copy(), track.covariance
-    if smoothed:
-        mean, covariance = np.empty_like(track.mean), np.empty_like(track.covariance)
-        smooth(track, mean, covariance)
+    track = empty_pass(*mean.shape)
+    forward(wider, mean, track)
+    mean, covariance = smooth(track) if smoothed else (mean.copy(), track.covariance)
     covariance[:, :3, :3] += learning.common_errors(wider, track, mean, len(measured.names))
     return mean, covariance, like_s
 

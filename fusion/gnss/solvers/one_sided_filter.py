@@ -18,7 +18,7 @@ from fusion.gnss.solvers import state
 from fusion.gnss.solvers.one_sided_motion import Motion
 from fusion.gnss.solvers.smoother import Pass
 from fusion.gnss.solvers.state import CLOCK, DRIFT, Rows
-from fusion.types import Floats
+from fusion.types import LONGEST_BRIDGED_OUTAGE_S, Floats
 
 ITERATIONS = 3
 ENOUGH_SATELLITES = 4
@@ -53,7 +53,6 @@ class Problem(NamedTuple):
     inflation: Floats
     rate_inflation: Floats
     rate_wider: float
-    longest_gap_s: float
 
 
 @compiled
@@ -68,7 +67,7 @@ def forward(problem: Problem, about: Floats, out: Pass) -> None:
         count = problem.rows.first[k + 1] - problem.rows.first[k]
         waited = waited + problem.motion.dt_s[k] if count < ENOUGH_SATELLITES else problem.motion.dt_s[k]
         out.known[k] = out.begins[k] = False
-        if not running or waited > problem.longest_gap_s:
+        if not running or waited > LONGEST_BRIDGED_OUTAGE_S:
             running = state.start(problem.rows, k, mean, covariance)
             if not running:
                 continue

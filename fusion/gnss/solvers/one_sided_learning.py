@@ -37,7 +37,7 @@ def receiver_law(measured: Measurements) -> Law:
     if len(cn0) < _ENOUGH_ROWS:
         return Law()
     shift = float(np.clip(np.percentile(cn0, 95.0) - _BEST_DBHZ, _LOWEST_SHIFT_DB, _HIGHEST_SHIFT_DB))
-    return Law().shifted(Law().midpoint_dbhz + shift)
+    return Law(midpoint_dbhz=Law().midpoint_dbhz + shift)
 
 
 def noise_level(errors: Errors, residual_m: Floats) -> float:

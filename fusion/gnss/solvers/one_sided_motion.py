@@ -40,10 +40,10 @@ class Motion(NamedTuple):
     """Where the gyroscope's bias stands in the state; -1 without odometer."""
 
 
-def motion_of(time_s: Floats, aids: Aids, odometer: bool, gyro: int) -> Motion:
+def motion_of(time_s: Floats, aids: Aids, gyro: int) -> Motion:
     """The motion of (m,) epochs; a sigma that is not stated counts as 0.1 m/s."""
     dt = np.diff(time_s, prepend=time_s[:1])
-    led = np.isfinite(aids.speed_mps) & odometer
+    led = np.isfinite(aids.speed_mps) & (gyro >= 0)
     sigma = np.where(np.isfinite(aids.speed_sigma_mps), aids.speed_sigma_mps, 0.1)
     return Motion(
         dt, np.where(led, np.abs(aids.speed_mps), 1.0), sigma, np.array(aids.yaw_rate_radps), led, gyro

@@ -38,14 +38,13 @@ def empty_pass(epochs: int, n: int) -> Pass:
 
 
 @compiled
-def smooth(forward: Pass, mean: Floats, covariance: Floats) -> None:
-    """Fill ``mean`` (m, n) and ``covariance`` (m, n, n) with estimates from the whole run, NaN where none is known.
+def smooth(forward: Pass) -> tuple[Floats, Floats]:
+    """Means (m, n) and covariances (m, n, n) of estimates from the whole run, NaN where none is known.
 
     Where a predicted covariance has no inverse, the filter's own estimate stays.
     """
     epochs, n = forward.mean.shape
-    mean[:, :] = forward.mean
-    covariance[:, :, :] = forward.covariance
+    mean, covariance = forward.mean.copy(), forward.covariance.copy()
     inverse = np.empty((n, n))
     for k in range(epochs - 2, -1, -1):
         after = k + 1
@@ -61,3 +60,4 @@ def smooth(forward: Pass, mean: Floats, covariance: Floats) -> None:
             for j in range(i):
                 even = 0.5 * (covariance[k, i, j] + covariance[k, j, i])
                 covariance[k, i, j] = covariance[k, j, i] = even
+    return mean, covariance

@@ -10,7 +10,6 @@ from fusion.filters.random import (
     GROUP,
     LANE_WORDS,
     LANES,
-    fill_exponentials,
     fill_normals,
     fill_uniforms,
     seed_lanes,
@@ -94,22 +93,6 @@ def test_a_second_call_goes_on_with_new_draws() -> None:
     for part in parts:
         fill_normals(lanes, part)
     assert np.array_equal(parts.ravel().astype(float), normals(2 * GROUP, 9))
-
-
-def test_exponentials_follow_the_exponential_distribution() -> None:
-    lanes = np.empty(LANE_WORDS, np.uint64)
-    seed_lanes(6, 0, 0, lanes)
-    draws = np.empty(4_000_000, np.float32)
-    fill_exponentials(lanes, draws)
-    assert draws.min() >= 0
-    counts = np.histogram(draws, [0, 0.001, 0.1, 0.5, 1, 2, 5, 10, 13, np.inf])[0]
-    expected = -np.diff(np.exp([0, -0.001, -0.1, -0.5, -1, -2, -5, -10, -13, -np.inf])) * len(draws)
-    assert stats.chisquare(counts, expected).pvalue > RARE
-    assert stats.kstest(draws[:1_000_000].astype(float), "expon").pvalue > RARE
-    seed_lanes(6, 0, 0, lanes)
-    few = np.empty(GROUP + 3, np.float32)
-    fill_exponentials(lanes, few)
-    assert np.array_equal(few, draws[: GROUP + 3])
 
 
 def test_uniforms_fill_the_half_open_unit_interval() -> None:

@@ -106,7 +106,7 @@ def test_tables_follow_each_other_or_the_fuller_is_used() -> None:
 
 
 def test_signals_follow_each_other_or_the_fuller_are_used() -> None:
-    first, second = SIGNALS.take_epochs(np.arange(30) < 12), SIGNALS.take_epochs(np.arange(30) >= 12)
+    first, second = SIGNALS.take_rows(SIGNALS.epoch < 12), SIGNALS.take_rows(SIGNALS.epoch >= 12)
     halves = [rinex_file.observations(s).encode() for s in (second, first)]
     assert agree(raw_of(read_logs([*halves, NAVIGATION])).signals, SIGNALS, range_rate_mps=2e-4, gps_s=5e-7)
     log = read_logs([OBSERVATIONS, halves[0], NAVIGATION])

@@ -86,22 +86,6 @@ def test_an_elevation_model_brings_heights() -> None:
     assert np.all(found.height_sigma_m < KNOWN_SIGMA_M)
 
 
-def test_the_profile_lies_between_the_nodes() -> None:
-    table = street_east(*LENGTHS)
-    found = adjust(table, {0: drive_along(table, wave)})
-    for row, start in enumerate(starts()[:-1]):
-        profile = found.profile(row)
-        assert (profile.distance_m[0], profile.distance_m[-1]) == (0.0, pytest.approx(table.length_m[row]))
-        assert np.all(np.diff(profile.distance_m) <= 5.0 + 1e-9)
-        np.testing.assert_allclose(profile.height_m, wave(start + profile.distance_m), atol=0.15)
-        np.testing.assert_allclose(
-            profile.grade, np.cos((start + profile.distance_m) / 60) / 12, atol=4 * profile.grade_sigma.max()
-        )
-        ends = (found.height_from_m[row], found.height_to_m[row])
-        np.testing.assert_allclose(profile.height_m[[0, -1]], ends, atol=0.1)
-        assert np.all(np.abs(profile.height_sigma_m - found.height_sigma_m[row]) < 0.1)
-
-
 def test_what_is_not_known_is_none_and_nothing_is_lost() -> None:
     table = street_east(*LENGTHS)
     found = adjust(table, {0: drive_along(table, wave, rows=[1])})

@@ -47,7 +47,7 @@ def posterior(one: Simulated, noise: Noise, weight: np.ndarray) -> float:
     sensors = tuple(np.unique(one.measured.sensor).tolist())
     start = prior_noise(one.measured)
     variance = gaussian_variance(one.measured, noise) / weight
-    total = linear_model(one.measured, one.epochs, noise, variance).log_likelihood()
+    total = linear_model(one.measured, one.epochs, noise, variance).scores().log_likelihood
     for name in learnable(sensors):
         usual = (np.log(getattr(start, name)), LOG_SPREAD)
         mean, sigma = {"roughness": LOG_ROUGHNESS, "wander": LOG_WANDER}.get(name, usual)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -195,13 +195,8 @@ def test_a_pass_that_measured_nothing_says_how_far_errors_walked_and_nothing_els
     rng = np.random.default_rng(2)
     passes = [Pass(30.0, 0.0, 6.0), Pass(20.0, 6.0, 10.0)]
     data = drawn(rng, passes, (0,))
-    only_first = replace(
-        data,
-        **{
-            name: getattr(data, name)[: data.first[1]]
-            for name in OnTraversals.__dataclass_fields__
-            if name != "first"
-        },
+    only_first = data._replace(
+        **{name: getattr(data, name)[: data.first[1]] for name in OnTraversals._fields if name != "first"},
         first=np.array([0, data.first[1], data.first[1]]),
     )
     information, vector, _ = summed(only_first, passes, (0.2, 0.01), np.array([]))[1]

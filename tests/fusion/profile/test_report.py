@@ -6,14 +6,13 @@ import json
 import re
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from factor_support import street
-from fusion.pipeline import run_drive, solve_network
+from fusion.pipeline import FusedDrive, run_drive, solve_network
 from fusion.profile import method
 from fusion.roads.table import rows_of
 from fusion.simulate.write.csv_file import csv_columns
@@ -202,7 +201,7 @@ def test_drives_together_name_it_as_well() -> None:
     """What ``versant fuse`` says beside the reports of each log."""
     log, dem = drive_log(), cast(Dem, Raster(30.0))
     network, result = run_drive(log, TABLE, dem)
-    one = SimpleNamespace(rows=rows_of(TABLE, network.table), result=result, epoch_s=log.fix.time_s)
+    one = FusedDrive(rows_of(TABLE, network.table), result, log.fix.time_s)
     (sentence,) = solve_network(TABLE, dem, [one]).remarks
     assert sentence.startswith("The elevation model is about ")
     assert solve_network(TABLE, cast(Dem, Raster(0.0)), [one]).remarks == []

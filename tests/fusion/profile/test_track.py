@@ -12,6 +12,7 @@ from fusion.profile.measurements import ALTITUDE, build_measurements
 from fusion.profile.model import GRADE, HEIGHT, build_smoother_epochs
 from fusion.profile.noise import learn
 from fusion.profile.report import build_track
+from fusion.profile.traversals import SmoothedDrive
 from profile_support import Levels, hills, smoothed, street_log
 
 TABLE = street(*[60.0] * 20)
@@ -25,7 +26,7 @@ def test_rows_lie_at_positions_though_attitudes_were_measured_between_them() -> 
     between = replace(log.attitude, time_s=log.attitude.time_s + 0.37)
     one = smoothed(replace(log, attitude=between), TABLE)
     assert len(one.epochs.time_s) > 1.9 * len(TIME_S)
-    track = build_track(one.path, one.epochs, one.learned)
+    track = build_track(one)
     np.testing.assert_array_equal(track.time_s, TIME_S)
     assert np.all(track.has_gnss)
     np.testing.assert_allclose(track.alt_m, hills(ALONG_M), atol=0.3)
@@ -48,7 +49,7 @@ def test_heights_that_are_late_leave_the_rows_at_the_positions() -> None:
     epochs = build_smoother_epochs(measured, path)
     assert not np.isin(epochs.time_s, TIME_S).any()
     learned = learn(measured, epochs, prior_noise(measured))
-    track = build_track(path, epochs, learned)
+    track = build_track(SmoothedDrive(path, measured, epochs, learned))
     np.testing.assert_array_equal(track.time_s, TIME_S)
     height, grade = learned.smoothed.mean[:, HEIGHT], learned.smoothed.mean[:, GRADE]
     expected = np.append(np.interp(TIME_S[:-1], epochs.time_s, height), height[-1] + 15.0 * grade[-1])
@@ -60,7 +61,7 @@ def test_through_an_outage_rows_lie_where_anything_was_measured() -> None:
     log = street_log(TIME_S, ALONG_M, hills, np.random.default_rng(0), levels=CALM)
     lost = (TIME_S - TIME_S[0] > 40) & (TIME_S - TIME_S[0] < 60)
     one = smoothed(replace(log, fix=log.fix.take(~lost)), TABLE)
-    track = build_track(one.path, one.epochs, one.learned)
+    track = build_track(one)
     np.testing.assert_array_equal(track.time_s, TIME_S)
     np.testing.assert_array_equal(track.has_gnss, ~lost)
     assert np.all(np.isfinite(track.alt_m))

@@ -146,7 +146,7 @@ def test_the_finest_raster_counts_and_coarser_ones_fill(
             patch = dem.posts(8.5 + np.array([39, 40]) / 3600, 48.5 - np.array([49, 50]) / 3600)
             assert patch is not None
             assert set(patch.z.ravel()) == {10, 700}
-            assert patch.posting_m[1] == pytest.approx(30.9, abs=0.1)
+            assert patch.mosaic.posting_m[1] * patch.step == pytest.approx(30.9, abs=0.1)
 
 
 def test_overlapping_rasters_of_one_grid_fill_each_other(tmp_path: Path, write_raster: Write) -> None:

@@ -15,6 +15,7 @@ from pyproj import Transformer
 from fusion.frames import LocalProjection
 from fusion.terrain.dem import Dem
 from fusion.terrain.local_grid import LocalGrid, polynomial
+from terrain_support import posts_deg
 
 Write = Callable[..., Path]
 PLANE = LocalProjection(8.4, 49.0)
@@ -74,7 +75,7 @@ def test_a_patch_of_any_size_knows_where_its_posts_are(
             lon, lat = Transformer.from_crs(crs, 4326, always_xy=True).transform(lon, lat)
         patch = dem.posts(lon, lat)
         assert patch is not None
-        x, y = patch.xy(PLANE)
+        x, y = PLANE.to_xy(*posts_deg(patch))
         pick = np.random.default_rng(size).integers(0, x.size, 50)
         rows, columns = np.unravel_index(pick, x.shape)
         xy, back = both_ways(

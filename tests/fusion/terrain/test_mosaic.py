@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from fusion.frames import LocalProjection
 from fusion.terrain import dem as dem_module
 from fusion.terrain.dem import Dem
-from terrain_support import POSTS, at_posts, hills
+from terrain_support import POSTS, at_posts, hills, posts_deg
 
 Write = Callable[..., Path]
 
@@ -26,13 +26,13 @@ def test_the_posts_around_a_place(tmp_path: Path, write_raster: Write) -> None:
         patch = dem.posts(*places, margin_posts=2)
         assert patch is not None
         assert patch.z.tolist() == z[9:18, 8:17].tolist()
-        lon, lat = patch.lonlat()
+        lon, lat = posts_deg(patch)
         assert (lon[0, 0], lat[0, 0]) == pytest.approx((8.008, 48.991))
         assert (lon[-1, -1], lat[-1, -1]) == pytest.approx((8.016, 48.983))
-        x, y = patch.xy(LocalProjection(8.008, 48.991))
+        x, y = LocalProjection(8.008, 48.991).to_xy(lon, lat)
         assert (x[0, 0], y[0, 0]) == pytest.approx((0, 0), abs=1e-3)
-        assert x[0, 1] == pytest.approx(patch.posting_m[0], rel=1e-2)
-        assert y[1, 0] == pytest.approx(-patch.posting_m[1], rel=1e-2)
+        assert x[0, 1] == pytest.approx(patch.mosaic.posting_m[0], rel=1e-2)
+        assert y[1, 0] == pytest.approx(-patch.mosaic.posting_m[1], rel=1e-2)
         assert (patch.u, patch.v) == (pytest.approx([13.8, 10.2]), pytest.approx([11.2, 14.8]))
         wide = dem.posts(*places, margin_posts=2, margin_m=500.0)
         assert wide is not None
@@ -59,7 +59,7 @@ def test_very_many_posts_are_thinned(
         patch = dem.posts(np.array([8.01, 8.05]), np.array([48.96, 48.99]), margin_posts=0)
         assert patch is not None
         assert patch.z.size < 200
-        lon, lat = patch.lonlat()
+        lon, lat = posts_deg(patch)
         assert patch.z == pytest.approx(1000 * (lon - 8) + 2000 * (lat - 48), abs=1e-6)
         assert (lon.max() >= 8.05, lat.min() <= 48.96) == (True, True)
 

@@ -17,6 +17,7 @@ from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.terrain.plane import PlaneModel
 from fusion.terrain.windows import WINDOWS, TinModel
+from terrain_support import heights_of
 
 Write = Callable[..., Path]
 MakeNetwork = Callable[..., RoadNetwork]
@@ -142,7 +143,7 @@ def test_rejected_posts_are_voids_in_every_respect(
         assert type(models[0]) is type(models[1])
         if models[0] is not None and models[1] is not None:
             at = network.x0 + np.array([0.0, 10.0]), network.y0 + np.array([0.0, -10.0])
-            np.testing.assert_array_equal(models[0].height(*at), models[1].height(*at))
+            np.testing.assert_array_equal(heights_of(models[0], *at), heights_of(models[1], *at))
         assert np.isfinite(dem.heights(lon, lat)).all()  # the model itself is as before
 
 
@@ -174,10 +175,10 @@ def test_too_few_good_posts_leave_triangles_and_those_at_rejected_posts_are_unkn
         model = WINDOWS[window].model(dem.filtered(5), network, 0)
         assert isinstance(model, TinModel)
         here = np.array([network.x0[0], network.x1[0]]), np.array([network.y0[0], network.y1[0]])
-        assert np.isnan(model.height(*here)).all()
+        assert np.isnan(heights_of(model, *here)).all()
         north = here[0], here[1] + 4.2 * 30.9
         expected = 100 + 2 * np.array([20.2, 22.4]) + 14.5 - 4.2
-        assert model.height(*north) == pytest.approx(expected, abs=0.1)
+        assert heights_of(model, *north) == pytest.approx(expected, abs=0.1)
 
 
 def test_only_triangles_with_a_rejected_corner_are_unknown(tmp_path: Path, write_raster: Write) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,8 +16,9 @@ from fusion.frames import LocalProjection
 from fusion.roads.network import RoadNetwork
 from fusion.roads.osm import read_roads
 from fusion.terrain.dem import Dem
-from fusion.terrain.plane import PlaneModel, fit_plane
+from fusion.terrain.plane import PlaneModel, plane_through
 from fusion.terrain.windows import WINDOWS, TinModel, dem_slopes
+from terrain_support import heights_of, posts_deg
 
 Write = Callable[..., Path]
 MakeNetwork = Callable[..., RoadNetwork]
@@ -74,7 +74,7 @@ def test_every_window_knows_a_plane(plane_dem: Dem, network: RoadNetwork, name: 
     heading = network.heading_rad[segment]
     x = network.x0[segment] + share * (network.x1 - network.x0)[segment] - beside * np.sin(heading)
     y = network.y0[segment] + share * (network.y1 - network.y0)[segment] + beside * np.cos(heading)
-    heights = model.height(x, y)
+    heights = heights_of(model, x, y)
     assert heights.shape == x.shape
     assert heights == pytest.approx(truth(*network.projection.to_lonlat(x, y)), abs=5e-3)
 
@@ -89,15 +89,14 @@ def test_no_window_invents_heights_over_voids(plane_dem: Dem, network: RoadNetwo
     """All posts of the small window are void: unknown, or what posts farther off say, never 0."""
     model = WINDOWS[name].model(plane_dem, network, 4)
     if model is not None:
-        heights = model.height(np.array([network.x0[4]]), np.array([network.y0[4]]))
-        assert np.isnan(heights).all()
+        assert np.isnan(model.height_at(network.x0[4], network.y0[4]))
 
 
 @EVERY
 def test_positions_that_are_unknown_have_no_height(plane_dem: Dem, network: RoadNetwork, name: str) -> None:
     model = WINDOWS[name].model(plane_dem, network, 0)
     assert model is not None
-    assert np.isnan(model.height(np.array([np.nan]), np.array([0.0]))).all()
+    assert np.isnan(model.height_at(np.nan, 0.0))
 
 
 @PLANES
@@ -111,7 +110,7 @@ def test_planes_are_one_plane_for_the_whole_segment(
         assert 0.2 < plane.sigma_m < 3
         x, y = network.x0[1] + np.arange(3) * 100.0, network.y0[1] + np.arange(3) * -70.0
         expected = plane.c + plane.a * (x - plane.x0) + plane.b * (y - plane.y0)
-        assert plane.height(x, y) == pytest.approx(expected)
+        assert heights_of(plane, x, y) == pytest.approx(expected)
 
 
 @PLANES
@@ -124,7 +123,7 @@ def test_voids_are_left_out_of_the_fit(
         plane = WINDOWS[name].model(dem, network, 1)
         assert isinstance(plane, PlaneModel)
         expected = truth(network.table.lon0_deg[1], network.table.lat0_deg[1])
-        assert plane.height(network.x0[1], network.y0[1]) == pytest.approx(expected, abs=5e-3)
+        assert plane.height_at(network.x0[1], network.y0[1]) == pytest.approx(expected, abs=5e-3)
 
 
 @PLANES
@@ -154,7 +153,7 @@ def test_the_tin_is_the_surface_of_the_elevation_model(
             x = network.x0[segment] + share * (network.x1 - network.x0)[segment] + 100
             y = network.y0[segment] + share * (network.y1 - network.y0)[segment] - 100
             expected = dem.heights(*network.projection.to_lonlat(x, y))
-            assert model.height(x, y) == pytest.approx(expected, abs=1e-4)
+            assert heights_of(model, x, y) == pytest.approx(expected, abs=1e-4)
 
 
 def chosen(name: str, u: list[float], v: list[float]) -> np.ndarray:
@@ -219,15 +218,6 @@ def test_windows_are_sized_by_the_posting(
 
 
 @EVERY
-def test_the_height_at_one_place_is_that_of_arrays(plane_dem: Dem, network: RoadNetwork, name: str) -> None:
-    model = WINDOWS[name].model(plane_dem, network, 1)
-    assert model is not None
-    places = [(network.x0[1] + 20.0, network.y0[1] - 10.0), (1e7, 0.0), (math.nan, 0.0)]
-    expected = [float(model.height(np.array([x]), np.array([y]))[0]) for x, y in places]
-    assert [model.height_at(x, y) for x, y in places] == pytest.approx(expected, nan_ok=True)
-
-
-@EVERY
 def test_segments_near_each_other_share_one_map_of_the_posts(
     plane_dem: Dem, make_network: MakeNetwork, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -263,14 +253,13 @@ def test_planes_are_fitted_where_the_projection_puts_the_posts(
         model = WINDOWS["full"].model(dem, network, 0)
         patch = dem.posts(*ends, margin_posts=1)
         assert patch is not None
-        x, y = patch.xy(network.projection)
-        expected = fit_plane(x.ravel(), y.ravel(), patch.z.ravel())
+        x, y = network.projection.to_xy(*posts_deg(patch))
+        known = np.isfinite(patch.z)
+        expected = plane_through(x[known], y[known], patch.z[known])
         assert isinstance(model, PlaneModel)
-        assert expected is not None
         assert (model.posts, model.sigma_m) == (expected.posts, pytest.approx(expected.sigma_m, rel=1e-9))
-        assert model.height(network.x0, network.y0) == pytest.approx(
-            expected.height(network.x0, network.y0), abs=1e-6
-        )
+        at = network.x0[0], network.y0[0]
+        assert model.height_at(*at) == pytest.approx(expected.height_at(*at), abs=1e-6)
 
 
 def test_dem_slopes_follow_the_direction_of_the_segment(plane_dem: Dem, network: RoadNetwork) -> None:
@@ -296,5 +285,4 @@ def test_real_terrain(shared_data: Path) -> None:
             for segment in range(0, len(network), 40):
                 model = window.model(dem, network, segment)
                 assert model is not None, name
-                heights = model.height(network.x0[segment], network.y0[segment])
-                assert 100 < heights < 400
+                assert 100 < model.height_at(network.x0[segment], network.y0[segment]) < 400

@@ -95,7 +95,7 @@ def test_without_reflections_the_law_is_normal(error: float, variance: float) ->
 
 def test_a_weaker_receiver_is_believed_alike() -> None:
     cn0 = np.array([50.0, 40.0, 30.0, np.nan])
-    strong, weak = Law().errors(cn0), Law().shifted(35.0).errors(cn0 - 5)
+    strong, weak = Law().errors(cn0), Law(midpoint_dbhz=35.0).errors(cn0 - 5)
     for one, other in zip(strong, weak, strict=True):
         np.testing.assert_allclose(one[:3], other[:3])
     assert strong.share[1] == pytest.approx(0.5)
