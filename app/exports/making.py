@@ -218,7 +218,7 @@ class Made:
 def make_file(
     session: Session, settings: Settings, request: Request, path: Path, on_progress: OnProgress
 ) -> Made:
-    """Write ``path`` anew from what the session sees, which should be a snapshot (``app.exports.source``).
+    """Write ``path`` anew from what the session sees, which should be a snapshot (``app.core.db``).
 
     The same state of the data, the same request and the same program make the same bytes. ``on_progress`` takes the
     share of the work done, and may end it by raising. Raises ``FusionError`` for what cannot be made, ``OSError`` and

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +13,7 @@ import shapely
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import Bounds, Sessions
+from app.core.db import Bounds
 from app.core.settings.places import FilePlace
 from app.map.segment import Segment, Way
 from app.map.store import FULL_ZOOM, PAGE, all_segments, corners, count_segments, in_box_sql
@@ -66,7 +65,7 @@ class Source:
     """The data of a snapshot, for as long as it lasts. Every iterator is consumed once and holds a page at a time."""
 
     session: Session
-    """Its transaction is the snapshot (``snapshot``)."""
+    """Its transaction is the snapshot (``app.core.db.snapshot``)."""
     place: FilePlace
     """Where rasters and files of roads are kept (``Settings.dem_dir``)."""
     query: Query
@@ -95,7 +94,7 @@ class Source:
         count = count_segments(self.session, bbox=box, driven=driven or None)
         count = max(1, count if region is None else min(count, region.segments))  # at most so many
         region_id = None if region is None else region.id
-        rows = all_segments(self.session, box, driven=driven, gaps=gaps, region=region_id)
+        rows = all_segments(self.session, box, driven=driven or None, gaps=gaps, region=region_id)
         for number, row in enumerate(rows):
             if not number % PARTS_APART:
                 self.on_progress(min(number / count, 1.0))
@@ -178,16 +177,6 @@ class Source:
             for cell in cells
             if self.bbox is None or _meet(cell_bounds(cell), self.bbox)
         }
-
-
-@contextmanager
-def snapshot(sessions: Sessions) -> Iterator[Session]:
-    """A session that sees one moment and changes nothing: a drive that ends meanwhile is in it whole or not at all."""
-    with sessions() as session:
-        session.connection(
-            execution_options={"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
-        )
-        yield session
 
 
 def _meet(one: Bounds, other: Bounds) -> bool:

@@ -78,7 +78,7 @@ def map_of_store(
         raise slope_map.MapError(
             "There is no road in that box. Import the roads there, or name another --bbox."
         )
-    segments = list(all_segments(session, box, driven=driven, gaps=gaps))
+    segments = list(all_segments(session, box, driven=driven or None, gaps=gaps))
     write_map(
         path,
         slope_map.stored_segments(segments),
