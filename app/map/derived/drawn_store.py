@@ -136,18 +136,11 @@ def stretches_of(pieces: Iterable[drawing.Piece]) -> drawing.Stretches:
 
 
 def _stretches(columns: Any, points: Floats, first: Ints) -> drawing.Stretches:
-    ids, highway, oneway, length_m, slope, sigma, drives = columns
-    return drawing.Stretches(
-        ids=np.array(ids, np.int64),
-        highway=np.array(highway, object),
-        oneway=np.array(oneway, np.int64),
-        length_m=np.array(length_m, float),
-        slope_percent=np.array(slope, float),
-        sigma_percent=np.array(sigma, float),
-        drives=np.array(drives, np.int64),
-        points=points,
-        first=first,
-    )
+    """The columns before the points as arrays, in the order of ``Stretches``."""
+    names = ("ids", "highway", "oneway", "length_m", "slope_percent", "sigma_percent", "drives")
+    types = (np.int64, object, np.int64, float, float, float, np.int64)
+    arrays: dict[str, Any] = {name: np.array(*one) for name, *one in zip(names, columns, types, strict=True)}
+    return drawing.Stretches(**arrays, points=points, first=first)
 
 
 def replace_pieces(session: Session, level: int, before: Drawn, after: Drawn) -> None:
@@ -275,10 +268,8 @@ def all_roads(stretches: drawing.Stretches, ends: Ends) -> list[drawing.Piece]:
     """The pieces of the finest level: all roads of a tile, each way for itself, in its direction."""
     key = _numbers(ends.osm_way_id, stretches.oneway, _kinds(stretches))
     n = len(stretches)
-    points = np.concatenate(
-        [stretches.points[stretches.first[:-1]], stretches.points[stretches.first[1:] - 1]]
-    )
-    place = places(np.tile(key, 2), np.concatenate([ends.from_node, ends.to_node]), points)
+    nodes = np.concatenate([ends.from_node, ends.to_node])
+    place = places(np.tile(key, 2), nodes, stretches.end_points)
     chains = chains_of(key, stretches.ids, place[:n], place[n:])
     rows, first = chains.rows.tolist(), chains.first.tolist()
     lines = [Course(rows[a:b], [False] * (b - a)) for a, b in pairwise(first)]
@@ -308,24 +299,16 @@ def _chosen(level: drawing.Level, stretches: drawing.Stretches) -> Bools:
 
 
 def _kinds(stretches: drawing.Stretches) -> Ints:
-    numbers: dict[str, int] = {}
-    return np.array(
-        [numbers.setdefault(highway, len(numbers)) for highway in stretches.highway.tolist()], np.int64
-    )
+    return np.asarray(np.unique(stretches.highway, return_inverse=True)[1], np.int64)
 
 
 def _numbers(*columns: Ints) -> Ints:
     """A number for each combination that there is."""
-    if not len(columns[0]):
-        return np.empty(0, np.int64)
     return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
 
 
 def _ends(stretches: drawing.Stretches) -> tuple[Ints, Ints]:
     """Numbers of the places where stretches begin and end; those that meet share coordinates to the last digit."""
-    n = len(stretches)
-    if not n:
-        return np.empty(0, np.int64), np.empty(0, np.int64)
-    ends = np.concatenate([stretches.points[stretches.first[:-1]], stretches.points[stretches.first[1:] - 1]])
-    place = np.unique(ends[:, 0] + 1j * ends[:, 1], return_inverse=True)[1].reshape(-1).astype(np.int64)
+    n, ends = len(stretches), stretches.end_points
+    place = np.unique(ends[:, 0] + 1j * ends[:, 1], return_inverse=True)[1].astype(np.int64)
     return place[:n], place[n:]

@@ -17,8 +17,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection
+from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
@@ -30,12 +30,8 @@ from app.core.db import Sessions
 from app.map.derived import drawn_store
 from app.map.derived.drawing import ABOVE, BLOCK, FINEST, children, parent
 from app.map.derived.way_store import rows_of, segments_of, write_ways
+from app.network.locks import deriving_alone
 from app.network.swap import snapshot
-
-# Any constant that no other user of this database takes.
-_DERIVE = 0x5653_4456  # "VSDV"
-_TRY = text("SELECT pg_try_advisory_lock(:key)")
-_FREE = text("SELECT pg_advisory_unlock(:key)")
 
 # One statement, one snapshot; each part is a look at one entry of an index: asked whether there is any change, the
 # planner would rather read all of them.
@@ -149,19 +145,6 @@ class Change(NamedTuple):
     cell: int | None
     former_way: int | None
     former_cell: int | None
-
-
-@contextmanager
-def deriving_alone(sessions: Sessions) -> Iterator[bool]:
-    """Whether nobody else derives, until the block or the process ends. What is written does not depend on it."""
-    with sessions() as session:
-        session.connection(execution_options={"isolation_level": "AUTOCOMMIT"})
-        alone = bool(session.execute(_TRY, {"key": _DERIVE}).scalar_one())
-        try:
-            yield alone
-        finally:
-            if alone:
-                session.execute(_FREE, {"key": _DERIVE})
 
 
 def look(session: Session, long_s: float) -> Moment:
