@@ -31,4 +31,4 @@ class FlatGeobuf(TableFormat):
             "TITLE": SEGMENTS.title,
             "DESCRIPTION": metadata.pop("attribution"),
         }
-        return write_by_gdal(records, path, "FlatGeobuf", SEGMENTS, metadata=metadata, options=options)
+        return write_by_gdal(records, path, "FlatGeobuf", metadata=metadata, options=options)
