@@ -124,14 +124,8 @@ def changes(
     links = [link(with_query(here, since=since, **own), "self")]
     if page.more:
         links.append(link(with_query(here, since=version, **own), "next"))
-    if since is None:
-        links.append(
-            link(with_query(items, bbox=bbox), "items", GEO_JSON, "All segments: read them, then go on")
-        )
-    else:
-        links.append(
-            link(with_query(items, updated_since=since, bbox=bbox), "items", GEO_JSON, "Those that are there")
-        )
+    title = "All segments: read them, then go on" if since is None else "Those that are there"
+    links.append(link(with_query(items, updated_since=since, bbox=bbox), "items", GEO_JSON, title))
     document = ChangeList(
         since=since,
         version=version,

@@ -158,11 +158,8 @@ def tile_json(service: ServiceDep, base: BaseUrl) -> dict[str, Any]:
     return documents.tilejson(service, base, SEGMENTS)
 
 
-TILES_CONFORMANCE = tuple(
-    f"http://www.opengis.net/spec/ogcapi-tiles-1/1.0/conf/{name}"
-    for name in ("core", "tileset", "tilesets-list", "dataset-tilesets", "geodata-tilesets", "mvt")
-)
-"""What holds of the routes here. ``oas30`` is of the document of all routes."""
+TILES_CLASSES = ("core", "tileset", "tilesets-list", "dataset-tilesets", "geodata-tilesets", "mvt")
+"""The conformance classes of OGC API Tiles that hold of the routes here. ``oas30`` is of the document of all routes."""
 
 FormatQuery = Annotated[str | None, Query(description="`json`.")]
 TilesetFormat = Annotated[str | None, Query(description="`json`, or `tilejson` for TileJSON 3.")]
