@@ -33,8 +33,7 @@ from fusion.errors import BadOptionsError, FusionError
 
 # The sums tell any change of what is shown of any cell; the time tells two databases apart. A cell that was only
 # locked has a row and no version.
-_STATE = text(
-    """
+_STATE = text("""
     SELECT c.versions, c.drawn, coalesce((SELECT turn FROM derived_upto), 0) AS derived, coalesce(r.id, 0) AS roads,
            coalesce(d.id, 0) AS dem,
            greatest(c.changed_at, r.imported_at, d.imported_at) AS changed_at
@@ -42,8 +41,7 @@ _STATE = text(
                  max(changed_at) FILTER (WHERE version > 0) AS changed_at FROM cells) AS c
     LEFT JOIN (SELECT max(id) AS id, max(imported_at) AS imported_at FROM road_versions) AS r ON true
     LEFT JOIN (SELECT id, imported_at FROM dem_versions WHERE active) AS d ON true
-    """
-)
+""")
 _BEGINNING = datetime(1970, 1, 1, tzinfo=UTC)
 
 

@@ -127,8 +127,7 @@ def segments_by_id(session: Session, ids: Sequence[int]) -> list[Segment]:
 # The drives behind a segment, each with how its estimate was made, and whether any pass of it is accepted. What
 # one contributes, 1/percent squared, is nothing where a drive of the network is rejected. A share is one of all drives,
 # so all are read, as three columns, whichever page is shown.
-_OBSERVATIONS = text(
-    f"""
+_OBSERVATIONS = text(f"""
     WITH shown AS (
         SELECT e.* FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id AND {IS_SHOWN.format("d")}
         WHERE e.segment_id = :id
@@ -159,8 +158,7 @@ _OBSERVATIONS = text(
     JOIN drives AS d ON d.id = e.drive_id
     JOIN provenances AS p ON p.id = e.provenance_id
     ORDER BY h.first_at DESC, h.drive_id DESC
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 
 def segment_observations(
@@ -196,8 +194,7 @@ class DriveSegmentRow:
 
 
 # A drive's own estimates beside the combination of all drives.
-_OF_DRIVE = _statement(
-    """
+_OF_DRIVE = _statement("""
     SELECT {columns}, e.slope_percent AS own_slope, e.slope_sigma_percent AS own_sigma,
            e.observations AS own_observations, e.passes, e.first_at, e.last_at, e.in_network, h.accepted
     FROM drive_segments AS e
@@ -211,8 +208,7 @@ _OF_DRIVE = _statement(
     WHERE e.drive_id = :drive_id AND (CAST(:after_first_at AS timestamptz) IS NULL
         OR (e.first_at, s.id) > (CAST(:after_first_at AS timestamptz), CAST(:after_id AS bigint)))
     ORDER BY e.first_at, s.id LIMIT CAST(:limit AS bigint)
-    """
-)
+""")
 
 
 def drive_segment_rows(
@@ -240,14 +236,12 @@ _PRIMARY = (*_MOTORWAYS, "primary", "primary_link")
 _TERTIARY = (*_PRIMARY, "secondary", "secondary_link", "tertiary", "tertiary_link")
 
 # A page of the segments of a tile, whole.
-_TILE = _statement(
-    """
+_TILE = _statement("""
     SELECT {columns} FROM {segments}
     WHERE s.id > :after_id AND ST_Intersects(s.geom_3857, ST_TileEnvelope(:z, :x, :y))
         AND (CAST(:classes AS text[]) IS NULL OR s.highway = ANY(:classes) OR a.segment_id IS NOT NULL)
     ORDER BY s.id LIMIT :limit
-    """
-)
+""")
 
 
 def geojson_tile(

@@ -35,13 +35,11 @@ _SEGMENTS = """
         AND (s.cell = ANY(%(all_of)s::bigint[]) OR s.highway = ANY(%(classes)s::text[]) OR a.drives > 0)
     ORDER BY s.id
 """
-_CLASSES = text(
-    """
+_CLASSES = text("""
     SELECT DISTINCT s.highway FROM segments AS s
     JOIN derived_segments AS d ON d.segment_id = s.id AND d.cell = s.cell
     WHERE s.cell = ANY(CAST(:cells AS integer[]))
-    """
-)
+""")
 _COLUMNS = ", ".join(drawing.Piece._fields)
 _PIECES = f"""
     SELECT cell, {_COLUMNS} FROM drawn_pieces
@@ -61,12 +59,10 @@ _INSERT = f"""
 """  # noqa: S608 - constants
 
 # Any cell that nobody is at: solvers and imports hold some for milliseconds.
-_FREE_CELL = text(
-    """
+_FREE_CELL = text("""
     SELECT id FROM cells WHERE id BETWEEN :first AND :last AND (id & 16383) BETWEEN :top AND :bottom
     ORDER BY id LIMIT 1 FOR UPDATE SKIP LOCKED
-    """
-)
+""")
 _MAKE = text(
     "INSERT INTO cells (id) SELECT unnest(CAST(:ids AS integer[])) ORDER BY 1 ON CONFLICT (id) DO NOTHING"
 )
