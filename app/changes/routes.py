@@ -126,12 +126,8 @@ def changes(
         links.append(link(with_query(here, since=version, **own), "next"))
     title = "All segments: read them, then go on" if since is None else "Those that are there"
     links.append(link(with_query(items, updated_since=since, bbox=bbox), "items", GEO_JSON, title))
-    document = ChangeList(
-        since=since,
-        version=version,
-        changes=[ChangedSegment(**one._asdict()) for one in page.changes],
-        links=links,
-    )
+    changed = [ChangedSegment(**one._asdict()) for one in page.changes]
+    document = ChangeList(since=since, version=version, changes=changed, links=links)
     return Response(document.model_dump_json(), media_type="application/json", headers=headers)
 
 

@@ -24,7 +24,7 @@ from app.core.text import dumps, utc_text
 from app.core.version import code_version
 from app.exports.format import Format, NoOptions, Stated, statements
 from app.exports.formats import FORMATS
-from app.exports.source import OnProgress, Query, Source
+from app.exports.source import OnProgress, Query, Source, parts_of
 from app.map import segment
 from app.roads.store import find_region, known_region, region_names
 from app.terrain.coverage import rasters_over
@@ -66,11 +66,8 @@ def data_state(session: Session) -> State:
 def provenance(session: Session, place: FilePlace, state: State, request: Request) -> dict[str, Any]:
     """The document on the origin of what a session sees: state, request, licences, regions, rasters, program."""
     active = current_dem(session, place)
-    over = {
-        name
-        for box in _boxes(request.bbox)
-        for name in rasters_over(session, active, bbox=box, driven=request.driven)
-    }
+    boxes: Sequence[Bounds | None] = [None] if request.bbox is None else parts_of(request.bbox)
+    over = {name for box in boxes for name in rasters_over(session, active, bbox=box, driven=request.driven)}
     regions = [region for name in region_names(session) if (region := find_region(session, name))]
     return {
         "generator": f"Versant {code_version()}",
@@ -108,14 +105,6 @@ def provenance(session: Session, place: FilePlace, state: State, request: Reques
             ],
         },
     }
-
-
-def _boxes(bbox: Bounds | None) -> list[Bounds | None]:
-    """The box in parts that do not cross the antimeridian."""
-    if bbox is None or bbox[0] <= bbox[2]:
-        return [bbox]
-    west, south, east, north = bbox
-    return [(west, south, 180.0, north), (-180.0, south, east, north)]
 
 
 @dataclass(frozen=True)

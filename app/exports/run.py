@@ -69,13 +69,8 @@ def _make_export(run: RequestRun[Export]) -> str:
         run.context.part(EXPORTS).delete(blob.key)
         return "unwanted"
     expire(EXPORT, run.context)
-    tell(
-        logger,
-        "export done",
-        format=request.format.name,
-        bytes=blob.size_bytes,
-        seconds=round(time.monotonic() - began_s, 3),
-    )
+    took_s = round(time.monotonic() - began_s, 3)
+    tell(logger, "export done", format=request.format.name, bytes=blob.size_bytes, seconds=took_s)
     return "done"
 
 

@@ -102,7 +102,7 @@ class Source:
 
     def asked_ways(self) -> Iterator[Way]:
         """The ways that are asked for, by ascending id; driven: any of them is measured."""
-        asked, after = self.query, 0
+        asked = self.query
         query = text(
             _WAYS.format(
                 columns=", ".join(f"{column.sql} AS {name}" for name, column in Way.columns.items()),
@@ -111,13 +111,11 @@ class Source:
                 in_region="true" if asked.region is None else _IN_REGION,
             )
         )
-        box = corners(asked.bbox)
         region = None if asked.region is None else asked.region.id
-        while rows := self.session.execute(
-            query, {"after_id": after, "limit": PAGE, "region": region, **box}
-        ).all():
+        values: dict[str, Any] = {"after_id": 0, "limit": PAGE, "region": region, **corners(asked.bbox)}
+        while rows := self.session.execute(query, values).all():
             yield from map(_way, rows)
-            after = rows[-1].id
+            values["after_id"] = rows[-1].id
             self.on_progress(0.0)
 
     def tiles(
@@ -179,11 +177,15 @@ class Source:
         }
 
 
+def parts_of(bbox: Bounds) -> list[Bounds]:
+    """The box in parts that do not cross the antimeridian."""
+    west, south, east, north = bbox
+    return [bbox] if west <= east else [(west, south, 180.0, north), (-180.0, south, east, north)]
+
+
 def _meet(one: Bounds, other: Bounds) -> bool:
-    (west, south, east, north), (w, s, e, n) = one, other
-    if w > e:
-        return _meet(one, (w, s, 180.0, n)) or _meet(one, (-180.0, s, e, n))
-    return west <= e and w <= east and south <= n and s <= north
+    west, south, east, north = one
+    return any(west <= e and w <= east and south <= n and s <= north for w, s, e, n in parts_of(other))
 
 
 def _way(row: Any) -> Way:

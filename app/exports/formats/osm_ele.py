@@ -94,9 +94,8 @@ def heights_of(source: Source, nodes: RoadNodes) -> NodeHeights:
     """Heights of all nodes of roads; ``RoadsError`` where nothing is known of any."""
     graph = nodes.graph
     measured = _measured(source, nodes)
-    known = np.divide(
-        measured.sum_m, measured.weight, out=np.full(len(graph), np.nan), where=measured.weight > 0
-    )
+    with np.errstate(invalid="ignore"):
+        known = measured.sum_m / measured.weight  # NaN where nothing was measured
     ground = source.ground_heights(graph.lon_deg, graph.lat_deg)
     try:
         return node_heights(graph, ground, known, _rises(nodes, measured.rises))

@@ -202,12 +202,8 @@ def _free_cell(session: Session, level: int, tile: int) -> int:
     by = ZOOM - zoom
     x, y = tile >> zoom, tile & ((1 << zoom) - 1)
     left, top, last = x << by, y << by, (1 << by) - 1
-    values = {
-        "first": left << ZOOM | top,
-        "last": left + last << ZOOM | top + last,
-        "top": top,
-        "bottom": top + last,
-    }
+    right, bottom = left + last, top + last
+    values = {"first": left << ZOOM | top, "last": right << ZOOM | bottom, "top": top, "bottom": bottom}
     cell = session.execute(_FREE_CELL, values).scalar()
     if cell is None:
         cell = left << ZOOM | top
@@ -287,10 +283,9 @@ def greater_roads(level: drawing.Level, stretches: drawing.Stretches) -> list[dr
 def _chosen(level: drawing.Level, stretches: drawing.Stretches) -> Bools:
     of_class = {highway: level.chosen(highway) for highway in set(stretches.highway.tolist())}
     if of_class and not any(of_class.values()):
-        best = min((drawing.is_link(highway), drawing.rank(highway)) for highway in of_class)
-        of_class = {
-            highway: (drawing.is_link(highway), drawing.rank(highway)) == best for highway in of_class
-        }
+        importance = {highway: (drawing.is_link(highway), drawing.rank(highway)) for highway in of_class}
+        best = min(importance.values())
+        of_class = {highway: one == best for highway, one in importance.items()}
     return np.array([of_class[highway] for highway in stretches.highway.tolist()], bool)
 
 

@@ -79,15 +79,8 @@ def map_of_store(
             "There is no road in that box. Import the roads there, or name another --bbox."
         )
     segments = list(all_segments(session, box, driven=driven or None, gaps=gaps))
-    write_map(
-        path,
-        slope_map.stored_segments(segments),
-        title="Road slopes",
-        credit=source,
-        scale_percent=scale,
-        box_deg=box,
-        notes=notes,
-    )
+    drawn, title = slope_map.stored_segments(segments), "Road slopes"
+    write_map(path, drawn, title=title, credit=source, scale_percent=scale, box_deg=box, notes=notes)
     return len(segments), notes
 
 

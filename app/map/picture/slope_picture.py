@@ -21,16 +21,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from app.core.text import whole_file
-from app.map.picture import key
+from app.map.picture import key, slope_map
 from app.map.picture.lettering import is_writable, place_names, points_along, width_pt, wrapped
-from app.map.picture.slope_map import (
-    SURE_WIDTH_PT,
-    MapError,
-    MapSegments,
-    box_of,
-    frame_around,
-    picture_format,
-)
+from app.map.picture.slope_map import MapError, MapSegments
 from app.map.segment import OSM_ATTRIBUTION
 from fusion.frames import LocalProjection
 from fusion.types import Floats
@@ -63,7 +56,7 @@ def write_map(
     What it is and whose data it shows is among its metadata.
     Raises ``UnknownNameError`` for an unknown suffix, ``MapError`` where there is nothing to draw, and ``OSError``.
     """
-    kind = picture_format(path)
+    kind = slope_map.picture_format(path)
     figure = slope_figure(
         segments, title=title, credit=credit, scale_percent=scale_percent, box_deg=box_deg, notes=notes
     )
@@ -140,7 +133,7 @@ class _Page(NamedTuple):
 
 def _view(segments: MapSegments, box_deg: Bounds | None) -> _View:
     shown = segments.known | ~segments.known.any()
-    box = box_deg or frame_around(box_of(segments.ends_deg[shown].reshape(-1, 2)))
+    box = box_deg or slope_map.frame_around(slope_map.box_of(segments.ends_deg[shown].reshape(-1, 2)))
     west, south, east, north = box
     plane = LocalProjection.around(np.array([west, east]), np.array([south, north]))
     middle = (west + east) / 2, (south + north) / 2
@@ -164,7 +157,7 @@ def _thinner(view: _View) -> float:
     lines = view.lines[view.segments.known] / view.metres_per_inch
     points, _ = points_along(lines, CELL_IN / 4)
     cells = len(np.unique(np.floor(points / CELL_IN), axis=0))
-    covered = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()) * SURE_WIDTH_PT / 72
+    covered = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()) * slope_map.SURE_WIDTH_PT / 72
     share = covered / max(cells * CELL_IN**2, 1e-9)
     return float(np.clip(DENSE_SHARE / max(share, 1e-9), LEAST_THICKNESS, 1.0))
 

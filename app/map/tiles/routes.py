@@ -201,11 +201,8 @@ def matrix_sets(request: Request, base: BaseUrl, f: FormatQuery = None) -> dict[
     """There is one: that of all maps on the web."""
     _only(request, f, ("json",))
     links = link_documents([link(f"{base}/tileMatrixSets/{QUAD}", "self", title="Its definition")])
-    return {
-        "tileMatrixSets": [
-            {"id": QUAD, "title": documents.QUAD_TITLE, "uri": documents.QUAD_URI, "links": links}
-        ]
-    }
+    one = {"id": QUAD, "title": documents.QUAD_TITLE, "uri": documents.QUAD_URI, "links": links}
+    return {"tileMatrixSets": [one]}
 
 
 @ogc_router.get(
