@@ -224,15 +224,8 @@ def xml_schema(collection: Collection) -> str:
 
 
 def _schema(address: str, title: str, description: str, properties: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "$schema": DIALECT,
-        "$id": address,
-        "type": "object",
-        "title": title,
-        "description": description,
-        "properties": properties,
-        "additionalProperties": False,
-    }
+    head = {"$schema": DIALECT, "$id": address, "type": "object", "title": title, "description": description}
+    return {**head, "properties": properties, "additionalProperties": False}
 
 
 def _properties(known: Iterable[Property]) -> dict[str, dict[str, Any]]:
