@@ -86,7 +86,7 @@ class TileFront:
         if path is None:
             await self.app(scope, receive, send)
             return
-        scope["route"] = SimpleNamespace(path=path.route)  # so log and metrics call the way that it took
+        scope["route"] = SimpleNamespace(path=path.route)  # log and metrics name a request by it
         scope["path_params"] = {"z": path.at.z, "x": path.at.x, "y": path.at.y}
         tiles: Tiles = scope["app"].state.tiles
         try:
