@@ -124,20 +124,10 @@ def changes(
     links = [link(with_query(here, since=since, **own), "self")]
     if page.more:
         links.append(link(with_query(here, since=version, **own), "next"))
-    if since is None:
-        links.append(
-            link(with_query(items, bbox=bbox), "items", GEO_JSON, "All segments: read them, then go on")
-        )
-    else:
-        links.append(
-            link(with_query(items, updated_since=since, bbox=bbox), "items", GEO_JSON, "Those that are there")
-        )
-    document = ChangeList(
-        since=since,
-        version=version,
-        changes=[ChangedSegment(**one._asdict()) for one in page.changes],
-        links=links,
-    )
+    title = "All segments: read them, then go on" if since is None else "Those that are there"
+    links.append(link(with_query(items, updated_since=since, bbox=bbox), "items", GEO_JSON, title))
+    changed = [ChangedSegment(**one._asdict()) for one in page.changes]
+    document = ChangeList(since=since, version=version, changes=changed, links=links)
     return Response(document.model_dump_json(), media_type="application/json", headers=headers)
 
 

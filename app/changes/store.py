@@ -49,13 +49,11 @@ _SOUND = f"e.place = {_PLACE} AND CAST(CAST(e.xmin AS text) AS bigint) = e.xid &
 _LOWEST_RUNNING = "CAST(CAST(pg_snapshot_xmin(pg_current_snapshot()) AS text) AS bigint)"
 _NEXT = "CAST(CAST(pg_snapshot_xmax(pg_current_snapshot()) AS text) AS bigint)"
 
-_STATE = text(
-    f"""
+_STATE = text(f"""
     SELECT e.epoch, e.pruned_xid, {_SOUND} AS sound, {_NEXT} AS next_xid,
            (SELECT coalesce(max(c.xid), 0) + 1 FROM segment_changes AS c WHERE c.xid < {_LOWEST_RUNNING}) AS horizon
     FROM change_epoch AS e
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 _IS_SOUND = text(f"SELECT {_SOUND} FROM change_epoch AS e")  # noqa: S608 - constants
 # What was noted elsewhere is older than all that this server notes from now on.
@@ -66,13 +64,11 @@ _RENUMBER = (
 _AHEAD = text(
     f"SELECT count(*) FROM (SELECT FROM segment_changes WHERE xid >= {_NEXT} LIMIT :most + 1) AS ahead"  # noqa: S608
 )
-_BEGIN = text(
-    f"""
+_BEGIN = text(f"""
     INSERT INTO change_epoch (id, epoch, place, xid) SELECT 1, :epoch, {_PLACE}, versant_xid()
     ON CONFLICT (id) DO UPDATE SET epoch = excluded.epoch, place = excluded.place, xid = excluded.xid,
         begun_at = excluded.begun_at, pruned_xid = 0
-    """
-)
+""")
 
 _CHANGED_SINCE = """{alias}.id IN (
     SELECT changed.segment_id FROM segment_changes AS changed
@@ -226,20 +222,17 @@ _SINCE = """
 _PAGE = text(f"SELECT segment_id, xid, changed_at, gone, true AS inside FROM ({_SINCE}) AS c")  # noqa: S608 - constants
 # Where it was is asked as well: whoever follows a part of the map has it still. What went without a word on its place
 # (a table that was emptied) may have been anywhere. One by one: joined, all segments would be read.
-_PAGE_WITHIN = text(
-    f"""
+_PAGE_WITHIN = text(f"""
     SELECT c.segment_id, c.xid, c.changed_at, c.gone,
            coalesce(ST_Intersects(s.geom, area.of), false) OR coalesce(ST_Intersects(c.was, area.of), c.gone) AS inside
     FROM ({_SINCE}) AS c
     LEFT JOIN LATERAL (SELECT geom FROM segments WHERE id = c.segment_id LIMIT 1) AS s ON true
     CROSS JOIN (SELECT {_AREA} AS of) AS area
     ORDER BY c.xid, c.segment_id
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 # What is derived from segments follows these notes as well (``app.map.derived``): it has been there first.
-_PRUNE = text(
-    """
+_PRUNE = text("""
     WITH old AS (
         SELECT segment_id, xid, gone FROM segment_changes
         WHERE (gone OR was IS NOT NULL) AND changed_at < clock_timestamp() - make_interval(secs => :age_s)
@@ -253,8 +246,7 @@ _PRUNE = text(
     UPDATE change_epoch AS e SET pruned_xid = greatest(e.pruned_xid, counted.next), xid = versant_xid()
     FROM counted WHERE counted.n > 0
     RETURNING counted.n
-    """
-)
+""")
 
 
 class Change(NamedTuple):

@@ -48,10 +48,10 @@ def export(
     map shows the box, or all that was driven; beyond 50,000 segments it leaves undriven roads out.
     """
     from app.cli.database import sessions
+    from app.core.db import snapshot
     from app.core.text import whole_file
     from app.exports.formats import write_companions
     from app.exports.making import make_file
-    from app.exports.source import snapshot
     from app.map.segment import attribution
     from app.terrain.coverage import rasters_over
     from app.terrain.store import current_dem

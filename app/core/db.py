@@ -7,7 +7,8 @@ One style of database access: synchronous SQLAlchemy over psycopg 3. Vector tile
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -87,6 +88,16 @@ def make_engine(
 def session_factory(engine: Engine) -> Sessions:
     """Sessions on ``engine``; use ``with sessions.begin() as session`` for one transaction."""
     return sessionmaker(engine, expire_on_commit=False)
+
+
+@contextmanager
+def snapshot(sessions: Sessions) -> Iterator[Session]:
+    """A session that sees one moment and changes nothing: a drive that ends meanwhile is in it whole or not at all."""
+    with sessions() as session:
+        session.connection(
+            execution_options={"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
+        )
+        yield session
 
 
 def fetch_binary(

@@ -56,10 +56,7 @@ def draw_map(features: Sequence[Mapping[str, Any]], path: Path, *, title: str, c
     ends = np.array([[f["geometry"]["coordinates"][0], f["geometry"]["coordinates"][-1]] for f in features])
     columns = [f["properties"] for f in features]
     segments = MapSegments(
-        lon0_deg=ends[:, 0, 0],
-        lat0_deg=ends[:, 0, 1],
-        lon1_deg=ends[:, 1, 0],
-        lat1_deg=ends[:, 1, 1],
+        ends_deg=ends,
         slope_percent=_column(columns, "slope_percent"),
         slope_sigma_percent=_column(columns, "slope_sigma_percent"),
         bridge=np.array([bool(c["bridge"]) for c in columns]),

@@ -85,10 +85,9 @@ class Format(ABC):
 
         Here: the origin of the data as JSON, for few programs' files have a place for it.
         """
-        provenance = stated.get("provenance")
-        return (
-            {} if provenance is None else {path.with_name(f"{path.name}.provenance.json"): provenance + "\n"}
-        )
+        if "provenance" not in stated:
+            return {}
+        return {path.with_name(f"{path.name}.provenance.json"): stated["provenance"] + "\n"}
 
     def parse_options(self, given: Mapping[str, Any], *, local: bool) -> NoOptions:
         """Its options out of texts or JSON; ``BadOptionsError`` says which one is wrong and what there is.

@@ -24,7 +24,7 @@ from app.core.text import dumps, utc_text
 from app.core.version import code_version
 from app.exports.format import Format, NoOptions, Stated, statements
 from app.exports.formats import FORMATS
-from app.exports.source import OnProgress, Query, Source
+from app.exports.source import OnProgress, Query, Source, parts_of
 from app.map import segment
 from app.roads.store import find_region, known_region, region_names
 from app.terrain.coverage import rasters_over
@@ -33,8 +33,7 @@ from fusion.errors import BadOptionsError, FusionError
 
 # The sums tell any change of what is shown of any cell; the time tells two databases apart. A cell that was only
 # locked has a row and no version.
-_STATE = text(
-    """
+_STATE = text("""
     SELECT c.versions, c.drawn, coalesce((SELECT turn FROM derived_upto), 0) AS derived, coalesce(r.id, 0) AS roads,
            coalesce(d.id, 0) AS dem,
            greatest(c.changed_at, r.imported_at, d.imported_at) AS changed_at
@@ -42,8 +41,7 @@ _STATE = text(
                  max(changed_at) FILTER (WHERE version > 0) AS changed_at FROM cells) AS c
     LEFT JOIN (SELECT max(id) AS id, max(imported_at) AS imported_at FROM road_versions) AS r ON true
     LEFT JOIN (SELECT id, imported_at FROM dem_versions WHERE active) AS d ON true
-    """
-)
+""")
 _BEGINNING = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -68,11 +66,8 @@ def data_state(session: Session) -> State:
 def provenance(session: Session, place: FilePlace, state: State, request: Request) -> dict[str, Any]:
     """The document on the origin of what a session sees: state, request, licences, regions, rasters, program."""
     active = current_dem(session, place)
-    over = {
-        name
-        for box in _boxes(request.bbox)
-        for name in rasters_over(session, active, bbox=box, driven=request.driven)
-    }
+    boxes: Sequence[Bounds | None] = [None] if request.bbox is None else parts_of(request.bbox)
+    over = {name for box in boxes for name in rasters_over(session, active, bbox=box, driven=request.driven)}
     regions = [region for name in region_names(session) if (region := find_region(session, name))]
     return {
         "generator": f"Versant {code_version()}",
@@ -110,14 +105,6 @@ def provenance(session: Session, place: FilePlace, state: State, request: Reques
             ],
         },
     }
-
-
-def _boxes(bbox: Bounds | None) -> list[Bounds | None]:
-    """The box in parts that do not cross the antimeridian."""
-    if bbox is None or bbox[0] <= bbox[2]:
-        return [bbox]
-    west, south, east, north = bbox
-    return [(west, south, 180.0, north), (-180.0, south, east, north)]
 
 
 @dataclass(frozen=True)
@@ -218,7 +205,7 @@ class Made:
 def make_file(
     session: Session, settings: Settings, request: Request, path: Path, on_progress: OnProgress
 ) -> Made:
-    """Write ``path`` anew from what the session sees, which should be a snapshot (``app.exports.source``).
+    """Write ``path`` anew from what the session sees, which should be a snapshot (``app.core.db``).
 
     The same state of the data, the same request and the same program make the same bytes. ``on_progress`` takes the
     share of the work done, and may end it by raising. Raises ``FusionError`` for what cannot be made, ``OSError`` and

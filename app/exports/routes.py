@@ -115,7 +115,7 @@ def list_formats() -> documents.ExportFormats:
                 filters=sorted(one.filters),
                 options=_options_schema(one.options),
             )
-            for _, one in FORMATS.items()
+            for one in FORMATS.values()
         ]
     )
 

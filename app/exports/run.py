@@ -14,14 +14,13 @@ from pathlib import Path
 
 from app.core.blobs import EXPORTS, StoredBlob
 from app.core.databases import database_identity
-from app.core.db import plain_json
+from app.core.db import plain_json, snapshot
 from app.core.errors import ServiceError
 from app.core.filesystems import file_system, free_bytes, full_is_told, storage_full
 from app.core.telemetry.logs import tell
 from app.exports import store
 from app.exports.documents import Export
 from app.exports.making import Made, asked_again, data_state, make_file
-from app.exports.source import snapshot
 from app.exports.store import exports
 from app.jobs.requests.run import Discarded, RequestKind, RequestRun, expected_failure
 from app.jobs.requests.upkeep import expire
@@ -70,13 +69,8 @@ def _make_export(run: RequestRun[Export]) -> str:
         run.context.part(EXPORTS).delete(blob.key)
         return "unwanted"
     expire(EXPORT, run.context)
-    tell(
-        logger,
-        "export done",
-        format=request.format.name,
-        bytes=blob.size_bytes,
-        seconds=round(time.monotonic() - began_s, 3),
-    )
+    took_s = round(time.monotonic() - began_s, 3)
+    tell(logger, "export done", format=request.format.name, bytes=blob.size_bytes, seconds=took_s)
     return "done"
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +13,7 @@ import shapely
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import Bounds, Sessions
+from app.core.db import Bounds
 from app.core.settings.places import FilePlace
 from app.map.segment import Segment, Way
 from app.map.store import FULL_ZOOM, PAGE, all_segments, corners, count_segments, in_box_sql
@@ -66,7 +65,7 @@ class Source:
     """The data of a snapshot, for as long as it lasts. Every iterator is consumed once and holds a page at a time."""
 
     session: Session
-    """Its transaction is the snapshot (``snapshot``)."""
+    """Its transaction is the snapshot (``app.core.db.snapshot``)."""
     place: FilePlace
     """Where rasters and files of roads are kept (``Settings.dem_dir``)."""
     query: Query
@@ -95,7 +94,7 @@ class Source:
         count = count_segments(self.session, bbox=box, driven=driven or None)
         count = max(1, count if region is None else min(count, region.segments))  # at most so many
         region_id = None if region is None else region.id
-        rows = all_segments(self.session, box, driven=driven, gaps=gaps, region=region_id)
+        rows = all_segments(self.session, box, driven=driven or None, gaps=gaps, region=region_id)
         for number, row in enumerate(rows):
             if not number % PARTS_APART:
                 self.on_progress(min(number / count, 1.0))
@@ -103,7 +102,7 @@ class Source:
 
     def asked_ways(self) -> Iterator[Way]:
         """The ways that are asked for, by ascending id; driven: any of them is measured."""
-        asked, after = self.query, 0
+        asked = self.query
         query = text(
             _WAYS.format(
                 columns=", ".join(f"{column.sql} AS {name}" for name, column in Way.columns.items()),
@@ -112,13 +111,11 @@ class Source:
                 in_region="true" if asked.region is None else _IN_REGION,
             )
         )
-        box = corners(asked.bbox)
         region = None if asked.region is None else asked.region.id
-        while rows := self.session.execute(
-            query, {"after_id": after, "limit": PAGE, "region": region, **box}
-        ).all():
+        values: dict[str, Any] = {"after_id": 0, "limit": PAGE, "region": region, **corners(asked.bbox)}
+        while rows := self.session.execute(query, values).all():
             yield from map(_way, rows)
-            after = rows[-1].id
+            values["after_id"] = rows[-1].id
             self.on_progress(0.0)
 
     def tiles(
@@ -180,21 +177,15 @@ class Source:
         }
 
 
-@contextmanager
-def snapshot(sessions: Sessions) -> Iterator[Session]:
-    """A session that sees one moment and changes nothing: a drive that ends meanwhile is in it whole or not at all."""
-    with sessions() as session:
-        session.connection(
-            execution_options={"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
-        )
-        yield session
+def parts_of(bbox: Bounds) -> list[Bounds]:
+    """The box in parts that do not cross the antimeridian."""
+    west, south, east, north = bbox
+    return [bbox] if west <= east else [(west, south, 180.0, north), (-180.0, south, east, north)]
 
 
 def _meet(one: Bounds, other: Bounds) -> bool:
-    (west, south, east, north), (w, s, e, n) = one, other
-    if w > e:
-        return _meet(one, (w, s, 180.0, n)) or _meet(one, (-180.0, s, e, n))
-    return west <= e and w <= east and south <= n and s <= north
+    west, south, east, north = one
+    return any(west <= e and w <= east and south <= n and s <= north for w, s, e, n in parts_of(other))
 
 
 def _way(row: Any) -> Way:

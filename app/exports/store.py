@@ -26,15 +26,13 @@ exports = RequestStore(
 )
 
 # One that waits will see the data of when it begins, which are no older than those of now.
-_SAME = text(
-    """
+_SAME = text("""
     SELECT id FROM exports
     WHERE request_sha256 = :request_sha256
         AND (status = 'queued' OR (status IN ('running', 'done') AND data_version = :data_version))
         AND (expires_at IS NULL OR expires_at > now())
     ORDER BY status = 'done' DESC, created_at LIMIT 1
-    """
-)
+""")
 
 # Of the moment before a drive was removed that lay in one of these boxes. One that is being made begins anew.
 _OVER = """
@@ -46,23 +44,18 @@ _OVER = """
             AND CAST(e.request #>> '{bbox,1}' AS float8) <= b.north
             AND CAST(e.request #>> '{bbox,3}' AS float8) >= b.south)
 """
-_END_OVER = text(
-    f"""
+_END_OVER = text(f"""
     UPDATE exports AS e SET status = 'cancelled', blob_key = NULL, companions = '{{}}', notes = '{{}}'
     FROM (SELECT e.id, e.blob_key FROM exports AS e WHERE e.status = 'done' AND ({_OVER}) FOR UPDATE) AS was
     WHERE e.id = was.id RETURNING was.blob_key
-    """  # noqa: S608 - constants
-)
-_BEGIN_OVER = text(
-    f"""
+""")  # noqa: S608 - constants
+_BEGIN_OVER = text(f"""
     UPDATE exports AS e SET status = 'queued', run = run + 1, progress = 0 WHERE e.status = 'running' AND ({_OVER})
     RETURNING e.id
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 # What is to go: what has expired, and of what is kept the oldest, as far as it is too much together.
-_REMOVE = text(
-    """
+_REMOVE = text("""
     DELETE FROM exports WHERE id IN (
         SELECT id FROM exports WHERE expires_at < now()
         UNION ALL
@@ -71,8 +64,7 @@ _REMOVE = text(
             WHERE status = 'done') AS kept
         WHERE together > :max_bytes)
     RETURNING blob_key
-    """
-)
+""")
 
 
 def ask(

@@ -20,11 +20,9 @@ from app.map.tiles.tiles import tag_of
 from app.map.tiles.watch import Versions
 
 _EPOCH = text("SELECT epoch || CAST(xmin AS text) FROM tile_epoch")
-_CELLS = text(
-    """
+_CELLS = text("""
     SELECT id, version, drawn_version, CAST(extract(epoch FROM changed_at) * 1000000 AS bigint) FROM cells
-    """
-)
+""")
 # A tile's tag names the zooms by which it was built last of all: from ".MIN.FULL" on.
 _TILES = text("SELECT z, x, y, tag, size_bytes FROM stored_tiles")
 
@@ -57,8 +55,7 @@ MOST_ROWS = 500
 """Of a list of the worst; the rest is for nobody's eyes."""
 
 # A segment of two regions counts in both. Nobody's roads stand under no region.
-COVERAGE = text(
-    """
+COVERAGE = text("""
     SELECT coalesce(r.name, '') AS region, c.highway, c.segments, c.network_km, c.driven_segments, c.driven_km
     FROM (SELECT region_id, s.highway, count(*) AS segments, sum(s.length_m) / 1000 AS network_km,
                  count(a.segment_id) AS driven_segments,
@@ -70,12 +67,10 @@ COVERAGE = text(
           GROUP BY region_id, s.highway) AS c
     LEFT JOIN regions AS r ON r.id = c.region_id
     ORDER BY region, c.network_km DESC, c.highway
-    """
-)
+""")
 
 # Classes of sigma as people read them, of drives in powers of two.
-SIGMAS = text(
-    """
+SIGMAS = text("""
     SELECT drives_from, sigma_from_percent, count(*) AS segments, sum(length_m) / 1000 AS km
     FROM (SELECT CAST(2 ^ floor(log(2, greatest(a.drives, 1))) AS integer) AS drives_from, s.length_m,
                  steps.percent[width_bucket(a.slope_sigma_percent, steps.percent)] AS sigma_from_percent
@@ -83,13 +78,11 @@ SIGMAS = text(
                segment_slopes AS a JOIN segments AS s ON s.id = a.segment_id
           WHERE a.drives > 0) AS each
     GROUP BY drives_from, sigma_from_percent ORDER BY drives_from, sigma_from_percent
-    """
-)
+""")
 
 # Drives disagree where passes are rejected; by how many, and how far apart they are.
 # ``drives_unheard`` is the old name of ``drives_rejected``, for one version.
-DISAGREEMENTS = text(
-    """
+DISAGREEMENTS = text("""
     WITH worst AS (
         SELECT r.segment_id, count(DISTINCT r.drive_id) AS rejected
         FROM rejected_passes AS r GROUP BY r.segment_id ORDER BY rejected DESC, r.segment_id LIMIT 5 * :most
@@ -104,12 +97,10 @@ DISAGREEMENTS = text(
                max(abs(d.slope_percent - a.slope_percent) / d.slope_sigma_percent) AS farthest_sigmas
         FROM drive_segments AS d WHERE d.segment_id = w.segment_id) AS e
     ORDER BY w.rejected * least(coalesce(e.farthest_sigmas, 0), 100) DESC, w.segment_id LIMIT :most
-    """
-)
+""")
 
 # On the open road, where both know something: elevation models know neither bridges nor tunnels. Tiles of zoom 12.
-TERRAIN = text(
-    """
+TERRAIN = text("""
     SELECT '12/' || (s.cell >> 16) || '/' || ((s.cell & 16383) >> 2) AS tile, count(*) AS segments,
            sum(s.length_m) / 1000 AS km,
            sum((s.dem_slope_percent - a.slope_percent) * s.length_m) / sum(s.length_m) AS mean_difference_percent,
@@ -120,8 +111,7 @@ TERRAIN = text(
     WHERE a.drives > 0 AND s.dem_slope_percent IS NOT NULL AND NOT s.bridge AND NOT s.tunnel AND s.length_m > 0
     GROUP BY s.cell >> 16, (s.cell & 16383) >> 2
     ORDER BY rms_difference_percent DESC, tile LIMIT :most
-    """
-)
+""")
 
 Rows = list[dict[str, Any]]
 
@@ -143,29 +133,23 @@ OF_NO_STATE = frozenset({"tiles"})
 """They change by themselves, whatever becomes of the map."""
 
 # The last transaction that changed what any cell shows, the roads, and the rasters.
-_STATE = text(
-    """
+_STATE = text("""
     SELECT concat_ws('.', (SELECT max(changed_xid) FROM cells), (SELECT max(id) FROM road_versions),
                      (SELECT max(id) FROM dem_versions WHERE active))
-    """
-)
+""")
 _READ = text("SELECT rows, made_at FROM kept_figures WHERE name = :name")
-_DUE = text(
-    """
+_DUE = text("""
     SELECT wanted.name FROM unnest(CAST(:names AS text[])) AS wanted (name)
     LEFT JOIN kept_figures AS k ON k.name = wanted.name
     WHERE k.name IS NULL OR (k.of_state <> :state AND k.made_at < clock_timestamp() - make_interval(secs => :age_s))
     ORDER BY k.made_at NULLS FIRST, wanted.name LIMIT 1
-    """
-)
-_KEEP = text(
-    """
+""")
+_KEEP = text("""
     INSERT INTO kept_figures (name, rows, made_at, took_s, of_state)
     VALUES (:name, CAST(:rows AS jsonb), clock_timestamp(), :took_s, :state)
     ON CONFLICT (name) DO UPDATE
     SET rows = excluded.rows, made_at = excluded.made_at, took_s = excluded.took_s, of_state = excluded.of_state
-    """
-)
+""")
 
 
 def make(session: Session, name: str) -> Rows:
@@ -210,8 +194,7 @@ _DRIVEN_NOW = """
     FROM cells, jsonb_each(driven) AS of_class WHERE driven <> '{}' GROUP BY of_class.key
 """
 # Of two workers the later one is right. A class that is gone counts as none.
-_NOTE = text(
-    f"""
+_NOTE = text(f"""
     WITH seen AS ({_DRIVEN_NOW}), gone AS (
         UPDATE driven_by_day SET segments = 0, length_m = 0
         WHERE day = CAST(now() AT TIME ZONE 'UTC' AS date) AND segments > 0
@@ -220,18 +203,15 @@ _NOTE = text(
     SELECT day, highway, segments, length_m FROM seen ORDER BY highway
     ON CONFLICT (day, highway) DO UPDATE SET segments = excluded.segments, length_m = excluded.length_m
     WHERE (d.segments, d.length_m) IS DISTINCT FROM (excluded.segments, excluded.length_m)
-    """  # noqa: S608 - constants
-)
-_GROWTH = text(
-    f"""
+""")  # noqa: S608 - constants
+_GROWTH = text(f"""
     SELECT day, highway, segments AS driven_segments, length_m / 1000 AS driven_km
     FROM (SELECT day, highway, segments, length_m FROM driven_by_day
           WHERE day > CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
               AND day < CAST(now() AT TIME ZONE 'UTC' AS date)
           UNION ALL {_DRIVEN_NOW}) AS each
     ORDER BY day, length_m DESC, highway
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 
 def note_today(sessions: Sessions) -> None:

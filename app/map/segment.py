@@ -214,23 +214,25 @@ OSM_ATTRIBUTION = "© OpenStreetMap contributors"
 OSM_LICENSE = "Open Database License (ODbL) 1.0"
 OSM_LICENSE_URL = "https://opendatacommons.org/licenses/odbl/1-0/"
 OSM_COPYRIGHT_URL = "https://www.openstreetmap.org/copyright"
+MOST_RASTERS = 4
+"""An attribution names no more."""
 
 
 def attribution(dem_names: Iterable[str] = ()) -> str:
     """One line of plain text: OpenStreetMap and its licence, then the elevation rasters by name."""
     roads = f"Roads {OSM_ATTRIBUTION}, {OSM_LICENSE}"
-    names = sorted(set(dem_names))
-    return f"{roads}; elevation from {_shortened(names)}" if names else roads
+    rasters = _shortened(dem_names)
+    return f"{roads}; elevation from {rasters}" if rasters else roads
 
 
 def attribution_html(dem_names: Iterable[str] = ()) -> str:
     """The same for a map's corner, with a link."""
     roads = f'<a href="{OSM_COPYRIGHT_URL}">{OSM_ATTRIBUTION}</a>'
+    rasters = escape(_shortened(dem_names), {'"': "&quot;"})
+    return f"{roads}, elevation from {rasters}" if rasters else roads
+
+
+def _shortened(dem_names: Iterable[str]) -> str:
     names = sorted(set(dem_names))
-    rasters = escape(_shortened(names), {'"': "&quot;"})
-    return f"{roads}, elevation from {rasters}" if names else roads
-
-
-def _shortened(names: list[str], most: int = 4) -> str:
-    rest = len(names) - most
-    return ", ".join(names[:most]) + (f" and {rest} more rasters" if rest > 0 else "")
+    rest = len(names) - MOST_RASTERS
+    return ", ".join(names[:MOST_RASTERS]) + (f" and {rest} more rasters" if rest > 0 else "")

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from fastapi import APIRouter, Path, Query, Response
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, Field
 
 from app.core.http import (
     EXAMPLE_ID,
@@ -135,14 +135,11 @@ class Observation(BaseModel):
     estimated_at: Moment
 
 
-class ObservationList(BaseModel):
-    """One page of the drives behind a segment's slope, the one that came there last first."""
+_OBSERVATIONS_EXAMPLE = {"segment_id": 17, "observations": [OBSERVATION_EXAMPLE], "links": []}
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [{"segment_id": 17, "observations": [OBSERVATION_EXAMPLE], "links": []}]
-        }
-    )
+
+class ObservationList(BaseModel, json_schema_extra={"examples": [_OBSERVATIONS_EXAMPLE]}):
+    """One page of the drives behind a segment's slope, the one that came there last first."""
 
     segment_id: int
     observations: list[Observation]

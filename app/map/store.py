@@ -81,28 +81,6 @@ _ONE = "SELECT {columns} FROM {segments} WHERE s.id = :id"
 _EACH = "SELECT {columns} FROM {segments} WHERE s.id = ANY(:ids)"
 
 
-def segment_items(
-    session: Session,
-    *,
-    bbox: Bounds | None = None,
-    after_id: int = 0,
-    limit: int = 100,
-    driven: bool | None = None,
-    gaps: bool = False,
-    region: int | None = None,
-) -> list[Segment]:
-    """At most ``limit`` segments with an id above ``after_id``, by ascending id.
-
-    ``bbox`` keeps those that meet the box (degrees; west > east: across the antimeridian), ``driven`` those
-    that were (True) or were not (False) driven. With ``gaps`` undriven segments between driven ones come with
-    the slope that the network gives them, else without one, like all undriven segments. Going on from the last
-    id reaches every segment once. ``region`` keeps those of one region, by its number.
-    """
-    page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox, region=region or 0)
-    values = {"after_id": after_id, "limit": limit, "region": region, **corners(bbox)}
-    return [_segment(row) for row in session.execute(page, values)]
-
-
 PAGE = 5000
 """Segments that ``all_segments`` reads at once."""
 
@@ -111,30 +89,32 @@ def all_segments(
     session: Session,
     bbox: Bounds | None = None,
     *,
-    driven: bool = False,
+    driven: bool | None = None,
     gaps: bool = False,
     region: int | None = None,
 ) -> Iterator[Segment]:
-    """Every segment that meets the box, or of them those that were driven, page by page, in constant memory.
+    """Every segment, by ascending id, page by page, in constant memory.
 
-    ``gaps`` and ``region`` as in ``segment_items``.
+    ``bbox`` keeps those that meet the box (degrees; west > east: across the antimeridian), ``driven`` those
+    that were (True) or were not (False) driven. With ``gaps`` undriven segments between driven ones come with
+    the slope that the network gives them, else without one, like all undriven segments. ``region`` keeps those of
+    one region, by its number.
     """
-    after, only_driven = 0, True if driven else None
-    while rows := segment_items(
-        session, bbox=bbox, after_id=after, limit=PAGE, driven=only_driven, gaps=gaps, region=region
-    ):
+    page = _statement(_PAGE, gaps=gaps, driven=driven, bbox=bbox, region=region or 0)
+    values: dict[str, Any] = {"after_id": 0, "limit": PAGE, "region": region, **corners(bbox)}
+    while rows := [_segment(row) for row in session.execute(page, values)]:
         yield from rows
-        after = rows[-1].stored_id
+        values["after_id"] = rows[-1].stored_id
 
 
 def count_segments(session: Session, *, bbox: Bounds | None = None, driven: bool | None = None) -> int:
-    """How many segments ``segment_items`` reaches with these filters. Reads all of them."""
+    """How many segments ``all_segments`` reaches with these filters. Reads all of them."""
     count = _statement(_COUNT, driven=driven, bbox=bbox)
     return int(session.execute(count, corners(bbox)).scalar_one())
 
 
 def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> Segment | None:
-    """The segment, or None; ``gaps`` as in ``segment_items``."""
+    """The segment, or None; ``gaps`` as in ``all_segments``."""
     row = session.execute(_statement(_ONE, gaps=gaps), {"id": segment_id}).one_or_none()
     return None if row is None else _segment(row)
 
@@ -147,8 +127,7 @@ def segments_by_id(session: Session, ids: Sequence[int]) -> list[Segment]:
 # The drives behind a segment, each with how its estimate was made, and whether any pass of it is accepted. What
 # one contributes, 1/percent squared, is nothing where a drive of the network is rejected. A share is one of all drives,
 # so all are read, as three columns, whichever page is shown.
-_OBSERVATIONS = text(
-    f"""
+_OBSERVATIONS = text(f"""
     WITH shown AS (
         SELECT e.* FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id AND {IS_SHOWN.format("d")}
         WHERE e.segment_id = :id
@@ -179,8 +158,7 @@ _OBSERVATIONS = text(
     JOIN drives AS d ON d.id = e.drive_id
     JOIN provenances AS p ON p.id = e.provenance_id
     ORDER BY h.first_at DESC, h.drive_id DESC
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 
 
 def segment_observations(
@@ -216,8 +194,7 @@ class DriveSegmentRow:
 
 
 # A drive's own estimates beside the combination of all drives.
-_OF_DRIVE = _statement(
-    """
+_OF_DRIVE = _statement("""
     SELECT {columns}, e.slope_percent AS own_slope, e.slope_sigma_percent AS own_sigma,
            e.observations AS own_observations, e.passes, e.first_at, e.last_at, e.in_network, h.accepted
     FROM drive_segments AS e
@@ -231,8 +208,7 @@ _OF_DRIVE = _statement(
     WHERE e.drive_id = :drive_id AND (CAST(:after_first_at AS timestamptz) IS NULL
         OR (e.first_at, s.id) > (CAST(:after_first_at AS timestamptz), CAST(:after_id AS bigint)))
     ORDER BY e.first_at, s.id LIMIT CAST(:limit AS bigint)
-    """
-)
+""")
 
 
 def drive_segment_rows(
@@ -260,14 +236,12 @@ _PRIMARY = (*_MOTORWAYS, "primary", "primary_link")
 _TERTIARY = (*_PRIMARY, "secondary", "secondary_link", "tertiary", "tertiary_link")
 
 # A page of the segments of a tile, whole.
-_TILE = _statement(
-    """
+_TILE = _statement("""
     SELECT {columns} FROM {segments}
     WHERE s.id > :after_id AND ST_Intersects(s.geom_3857, ST_TileEnvelope(:z, :x, :y))
         AND (CAST(:classes AS text[]) IS NULL OR s.highway = ANY(:classes) OR a.segment_id IS NOT NULL)
     ORDER BY s.id LIMIT :limit
-    """
-)
+""")
 
 
 def geojson_tile(

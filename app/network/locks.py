@@ -22,6 +22,7 @@ _HOURS = 0x5653_4852  # "VSHR"
 _CELLS = 0x5653_434C  # "VSCL"
 _HEIGHTS = 0x5653_4854  # "VSHT"
 _IMPORT = 0x5653_494D  # "VSIM"
+_DERIVE = 0x5653_4456  # "VSDV"
 
 _OWN = text("SELECT pg_advisory_xact_lock(:key)")
 _SHARE = text("SELECT pg_advisory_xact_lock_shared(:key)")
@@ -129,3 +130,10 @@ def own_heights(sessions: Sessions, *, wait: bool) -> Iterator[bool]:
     with _beyond_transactions(sessions) as session:
         taken = session.execute(_WAIT if wait else _TRY, {"key": _HEIGHTS}).scalar()
         yield wait or bool(taken)
+
+
+@contextmanager
+def deriving_alone(sessions: Sessions) -> Iterator[bool]:
+    """Whether nobody else derives, until the block or the process ends. What is written does not depend on it."""
+    with _beyond_transactions(sessions) as session:
+        yield bool(session.execute(_TRY, {"key": _DERIVE}).scalar_one())

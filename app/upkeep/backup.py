@@ -9,18 +9,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
 
-from sqlalchemy.orm import Session
-
 from app.core import migrate, mirror
 from app.core.blobs import BlobStore
 from app.core.databases import database_identity
-from app.core.db import Sessions
+from app.core.db import Sessions, snapshot
 from app.core.filesystems import file_system, free_bytes
 from app.core.settings import Settings
 from app.core.version import code_version
@@ -67,17 +64,17 @@ def back_up(
     assert settings.database_url is not None  # noqa: S101 - the commands see to it
     with alone_in(folder):
         former = read_manifest(folder)
-        with _snapshot(sessions) as session:
+        with snapshot(sessions) as session:
             identity, versions = database_identity(session), store.versions(session)
             state = migrate.standing(session)
             if state.revision is None:
                 raise BackupError("The database was never migrated: there is nothing in it to back up.")
             _require_same(former, identity, folder)
-            contents, snapshot = store.contents(session), store.export_snapshot(session)
+            contents, exported = store.contents(session), store.export_snapshot(session)
             progress("database", 0.0)
             moment = datetime.now(UTC)
             path = f"database-{moment:%Y%m%dT%H%M%S%fZ}.dump"
-            dump(settings.database_url, snapshot, folder / path, versions.postgres_major)
+            dump(settings.database_url, exported, folder / path, versions.postgres_major)
         files = _Files(folder, former, progress)
         blobs = BlobStore(settings.blob_store_url)
         files.add_all("logs", [_log(blobs, key, *facts) for key, facts in contents.blobs.items()])
@@ -151,16 +148,6 @@ class _Files:
                 f"{self._folder} has {free / _MIB:.0f} MiB free, and {size_bytes / _MIB:.0f} MiB more are to be "
                 "copied. Make room there or name another folder; what is copied already is kept."
             )
-
-
-@contextmanager
-def _snapshot(sessions: Sessions) -> Iterator[Session]:
-    """A transaction that sees one moment and changes nothing."""
-    with sessions() as session:
-        session.connection(
-            execution_options={"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
-        )
-        yield session
 
 
 def _require_same(former: Manifest | None, identity: str, folder: Path) -> None:

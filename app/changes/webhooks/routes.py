@@ -6,7 +6,7 @@ import uuid
 from typing import Annotated, Any, Literal, Self
 
 from fastapi import APIRouter, Body, Path, Request, Response
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 from app.changes.store import horizon, version_text
 from app.changes.webhooks import store
@@ -122,14 +122,11 @@ class Webhook(BaseModel, json_schema_extra={"examples": [_EXAMPLE]}):
         return cls(**row._asdict(), links=[link(f"{base}/v1/webhooks/{row.id}", "self")], **more)
 
 
-class WebhookCreated(Webhook):
-    """The same with its secret, which is not shown again."""
+_WITH_SECRET = {**_EXAMPLE, "secret": "whsec_dGhpcyBpcyBubyBzZWNyZXQsIGJ1dCBhbiBleGFtcGxl"}
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [{**_EXAMPLE, "secret": "whsec_dGhpcyBpcyBubyBzZWNyZXQsIGJ1dCBhbiBleGFtcGxl"}]
-        }
-    )
+
+class WebhookCreated(Webhook, json_schema_extra={"examples": [_WITH_SECRET]}):
+    """The same with its secret, which is not shown again."""
 
     secret: str = Field(description="Messages are signed by it (Standard Webhooks). It is shown this once.")
 
@@ -148,10 +145,10 @@ class Delivery(BaseModel):
     ended_at: Moment | None
 
 
-class WebhookWithDeliveries(Webhook):
+class WebhookWithDeliveries(
+    Webhook, json_schema_extra={"examples": [{**_EXAMPLE, "deliveries": [_DELIVERY]}]}
+):
     """The same with its newest messages."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{**_EXAMPLE, "deliveries": [_DELIVERY]}]})
 
     deliveries: list[Delivery] = Field(default_factory=list, description="The newest first.")
 
@@ -176,9 +173,7 @@ MOST = 100
 """Addresses of one service: each is looked after every second."""
 SHOWN = 20
 
-WebhookId = Annotated[
-    uuid.UUID, Path(description="The webhook's id.", examples=["8f0c8d5e-0d1c-4f43-9a3f-2f6f5c1b7a10"])
-]
+WebhookId = Annotated[uuid.UUID, Path(description="The webhook's id.", examples=[_EXAMPLE_ID])]
 
 router = APIRouter(prefix="/v1/webhooks", tags=["changes"])
 

@@ -52,20 +52,17 @@ class WebhookRow(NamedTuple):
 
 _COLUMNS = ", ".join(WebhookRow._fields)
 
-_ADD = text(
-    f"""
+_ADD = text(f"""
     INSERT INTO webhooks (id, url, secret, events, bbox, reported_version)
     VALUES (:id, :url, :secret, CAST(:events AS text[]), CAST(:bbox AS float8[]), :reported_version)
     RETURNING {_COLUMNS}
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 _COUNT = text("SELECT count(*) FROM webhooks")
 _LIST = text(f"SELECT {_COLUMNS} FROM webhooks ORDER BY created_at, id")  # noqa: S608 - constants
 _GET = text(f"SELECT {_COLUMNS} FROM webhooks WHERE id = :id")  # noqa: S608 - constants
 _DELETE = text("DELETE FROM webhooks WHERE id = :id RETURNING id")
 # Who is switched on again, or has moved, begins with a clean sheet.
-_CHANGE = text(
-    f"""
+_CHANGE = text(f"""
     UPDATE webhooks AS w
     SET url = new.url, events = new.events, bbox = new.bbox, reported_version = new.reported_version,
         active = new.active,
@@ -82,56 +79,46 @@ _CHANGE = text(
     ) AS new
     WHERE w.id = new.id
     RETURNING {", ".join(f"w.{name}" for name in WebhookRow._fields)}
-    """  # noqa: S608 - constants
-)
-_LAST = text(
-    """
+""")  # noqa: S608 - constants
+_LAST = text("""
     SELECT 'msg_' || replace(CAST(id AS text), '-', '') AS id, event, state, attempts, status, problem, created_at,
            CASE WHEN state = 'waiting' THEN due_at END AS next_at, ended_at
     FROM webhook_deliveries
     WHERE webhook_id = :id ORDER BY created_at DESC, webhook_deliveries.id LIMIT :limit
-    """
-)
+""")
 
 _AREA = """
     CASE WHEN w.bbox[1] <= w.bbox[3] THEN ST_MakeEnvelope(w.bbox[1], w.bbox[2], w.bbox[3], w.bbox[4], 4326)
     ELSE ST_Collect(ST_MakeEnvelope(w.bbox[1], w.bbox[2], 180, w.bbox[4], 4326),
                     ST_MakeEnvelope(-180, w.bbox[2], w.bbox[3], w.bbox[4], 4326)) END
 """
-_ANNOUNCE_DRIVE = text(
-    f"""
+_ANNOUNCE_DRIVE = text(f"""
     INSERT INTO webhook_deliveries (id, webhook_id, event, data)
     SELECT gen_random_uuid(), w.id, CAST(:event AS text), CAST(:data AS jsonb) FROM webhooks AS w
     WHERE w.active AND CAST(:event AS text) = ANY(w.events) AND (w.bbox IS NULL OR EXISTS (
         SELECT FROM drives AS d WHERE d.id = :drive_id AND ST_Intersects(d.bounds, {_AREA})))
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 _FORGET_DRIVES = text(
     "DELETE FROM webhook_deliveries WHERE data ->> 'drive_id' = ANY(CAST(CAST(:ids AS uuid[]) AS text[]))"
 )
-_ADD_MESSAGE = text(
-    """
+_ADD_MESSAGE = text("""
     INSERT INTO webhook_deliveries (id, webhook_id, event, data)
     VALUES (gen_random_uuid(), :webhook_id, :event, CAST(:data AS jsonb)) RETURNING id
-    """
-)
+""")
 
 # One message about segments waits at a time, and says all that came until it was written.
-_FOLLOWERS = text(
-    f"""
+_FOLLOWERS = text(f"""
     SELECT {_COLUMNS} FROM webhooks AS w
     WHERE w.active AND w.reported_version IS NOT NULL AND NOT EXISTS (
         SELECT FROM webhook_deliveries AS d WHERE d.webhook_id = w.id AND d.event = '{SEGMENTS_CHANGED}'
             AND (d.state = 'waiting' OR d.created_at > clock_timestamp() - make_interval(secs => :every_s)))
     ORDER BY w.id FOR NO KEY UPDATE OF w SKIP LOCKED
-    """  # noqa: S608 - constants
-)
+""")  # noqa: S608 - constants
 _TELL = text(
     "UPDATE webhooks SET reported_version = :version WHERE id = :id AND reported_version IS NOT NULL"
 )
 
-_CLAIM = text(
-    """
+_CLAIM = text("""
     UPDATE webhooks SET claimed_until = clock_timestamp() + make_interval(secs => :claim_s)
     WHERE id = (
         SELECT w.id FROM webhooks AS w
@@ -141,34 +128,26 @@ _CLAIM = text(
                 WHERE d.webhook_id = w.id AND d.state = 'waiting' AND d.due_at <= clock_timestamp())
         ORDER BY w.next_at, w.id LIMIT 1 FOR NO KEY UPDATE OF w SKIP LOCKED)
     RETURNING id, url, secret
-    """
-)
-_DUE = text(
-    """
+""")
+_DUE = text("""
     SELECT id, event, data, created_at FROM webhook_deliveries
     WHERE webhook_id = :id AND state = 'waiting' AND due_at <= clock_timestamp() ORDER BY due_at, created_at, id LIMIT 1
-    """
-)
+""")
 _FREE = text("UPDATE webhooks SET claimed_until = NULL WHERE id = :id")
 
-_TAKEN = text(
-    """
+_TAKEN = text("""
     UPDATE webhook_deliveries SET state = 'taken', attempts = attempts + 1, ended_at = clock_timestamp(),
         status = :status, problem = NULL
     WHERE id = :id AND state = 'waiting'
-    """
-)
-_WENT_WELL = text(
-    """
+""")
+_WENT_WELL = text("""
     UPDATE webhooks SET failures = 0, failing_since = NULL, last_success_at = clock_timestamp(),
         next_at = clock_timestamp(), claimed_until = NULL,
         reported_version = CASE WHEN reported_version IS NOT NULL
             THEN coalesce(CAST(:version AS text), reported_version) END
     WHERE id = :id
-    """
-)
-_NOT_TAKEN = text(
-    """
+""")
+_NOT_TAKEN = text("""
     UPDATE webhook_deliveries AS d SET attempts = d.attempts + 1, status = :status, problem = :problem,
         due_at = clock_timestamp() + make_interval(secs => (CAST(:pauses AS float8[]))[least(d.attempts + 1, :steps)]),
         state = CASE WHEN too.late THEN 'given up' ELSE 'waiting' END,
@@ -176,25 +155,20 @@ _NOT_TAKEN = text(
     FROM (SELECT o.id, o.created_at < clock_timestamp() - make_interval(secs => :patience_s) AS late
           FROM webhook_deliveries AS o WHERE o.id = :id) AS too
     WHERE d.id = too.id AND d.state = 'waiting'
-    """
-)
-_WENT_WRONG = text(
-    """
+""")
+_WENT_WRONG = text("""
     UPDATE webhooks SET failures = failures + 1, failing_since = coalesce(failing_since, clock_timestamp()),
         next_at = clock_timestamp() + make_interval(secs => (CAST(:pauses AS float8[]))[least(failures + 1, :steps)]),
         claimed_until = NULL
     WHERE id = :id
     RETURNING failing_since < clock_timestamp() - make_interval(secs => :patience_s) AS hopeless
-    """
-)
+""")
 _SWITCH_OFF = text("UPDATE webhooks SET active = false, off_reason = :reason WHERE id = :id")
 _SWITCH_ALL_OFF = text("UPDATE webhooks SET active = false, off_reason = :reason WHERE active")
-_GIVE_UP = text(
-    """
+_GIVE_UP = text("""
     UPDATE webhook_deliveries SET state = 'given up', ended_at = clock_timestamp()
     WHERE webhook_id = :id AND state = 'waiting'
-    """
-)
+""")
 _PRUNE = text(
     "DELETE FROM webhook_deliveries WHERE ended_at < clock_timestamp() - make_interval(secs => :age_s)"
 )

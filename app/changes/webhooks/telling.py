@@ -122,16 +122,8 @@ def deliver(sessions: Sessions, settings: Settings, due: Due) -> sending.Answer:
                 session, due, answer.status, answer.problem, patience_s, unwanted=answer.unwanted
             )
     outcome = "switched off" if off else "not taken" if answer.problem else "taken"
-    took_s = time.monotonic() - began_s
-    tell(
-        logger,
-        "webhook sent",
-        webhook=due.webhook_id,
-        kind=due.event,
-        outcome=outcome,
-        status=answer.status,
-        seconds=took_s,
-    )
+    facts: dict[str, Any] = {"webhook": due.webhook_id, "kind": due.event, "outcome": outcome}
+    tell(logger, "webhook sent", **facts, status=answer.status, seconds=time.monotonic() - began_s)
     return answer
 
 

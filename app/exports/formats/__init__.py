@@ -61,7 +61,7 @@ def format_for(path: Path, name: str | None = None) -> Format:
     if name is not None:
         return FORMATS[name]
     file_name = path.name.lower()
-    fitting = [one for _, one in FORMATS.items() if file_name.endswith(one.suffixes)]
+    fitting = [one for one in FORMATS.values() if file_name.endswith(one.suffixes)]
     usual = [one for one in fitting if path.suffix.lower() in one.suffixes and one.name in SEGMENT_FORMATS]
     if usual or len(fitting) == 1:
         return (usual or fitting)[0]
@@ -70,7 +70,7 @@ def format_for(path: Path, name: str | None = None) -> Format:
         raise UnknownNameError(
             f"A file {path.suffix.lower()!r} may be of several formats. Name one: {names}."
         )
-    raise _unknown_suffix(path.suffix.lower(), (one for _, one in FORMATS.items()))
+    raise _unknown_suffix(path.suffix.lower(), FORMATS.values())
 
 
 def segment_format_for(path: Path) -> TableFormat:

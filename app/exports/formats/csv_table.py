@@ -56,14 +56,9 @@ class Csv(TableFormat):
             about["dc:modified"] = {"@value": stated["changed_at"], "@type": "xsd:dateTime"}
         if "provenance" in stated:
             about["dc:provenance"] = stated["provenance"]
-        types = {
-            name: _DATATYPES.get(column.kind, column.kind) for name, column in self.layer.columns.items()
-        }
+        types = {name: _DATATYPES.get(one.kind, one.kind) for name, one in self.layer.columns.items()}
         types[GEOMETRY] = "string"
-        columns = [
-            {"name": name, "titles": name, "datatype": "dateTime" if kind == "time" else kind}
-            for name, kind in types.items()
-        ]
+        columns = [{"name": name, "titles": name, "datatype": kind} for name, kind in types.items()]
         table = {
             "@context": ["http://www.w3.org/ns/csvw", {"@language": "en"}],
             "url": path.name,

@@ -26,9 +26,6 @@ class FlatGeobuf(TableFormat):
         from app.exports.writing.arrow import write_by_gdal  # noqa: PLC0415
 
         metadata = dict(stated)
-        options = {
-            "SPATIAL_INDEX": "YES",
-            "TITLE": SEGMENTS.title,
-            "DESCRIPTION": metadata.pop("attribution"),
-        }
-        return write_by_gdal(records, path, "FlatGeobuf", SEGMENTS, metadata=metadata, options=options)
+        options = {"SPATIAL_INDEX": "YES", "TITLE": SEGMENTS.title}
+        options["DESCRIPTION"] = metadata.pop("attribution")
+        return write_by_gdal(records, path, "FlatGeobuf", metadata=metadata, options=options)

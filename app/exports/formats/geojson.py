@@ -36,16 +36,11 @@ class GeoJson(TableFormat):
 
     def write_records(self, records: Iterable[Record], path: Path, stated: Stated) -> int:
         """Write the collection with what is ``stated`` as members."""
-        count = 0
         # Where the data come from is a document by itself.
         members = {name: json.loads(text) if name == "provenance" else text for name, text in stated.items()}
-
-        def counted() -> Iterator[Record]:
-            nonlocal count
-            for record in records:
-                count += 1
-                yield record
-
+        pieces = 0
         with path.open("w", encoding="utf-8") as file:
-            file.writelines(collection_chunks(counted(), members))
-        return count
+            for piece in collection_chunks(records, members):
+                file.write(piece)
+                pieces += 1
+        return pieces - 2  # without the beginning and the end

@@ -40,7 +40,7 @@ class GeoPackage(TableFormat):
         moment = datetime.fromisoformat(stated["changed_at"]) if "changed_at" in stated else datetime.now(UTC)
         with _dated(moment):
             options = {"GEOMETRY_NAME": GEOMETRY_COLUMN}
-            count = write_by_gdal(records, path, "GPKG", SEGMENTS, metadata=metadata, options=options)
+            count = write_by_gdal(records, path, "GPKG", metadata=metadata, options=options)
             # Listed beside the segments, as an attributes table: QGIS finds a style in no other.
             pyogrio.write_arrow(
                 _style_table(moment), path, layer=STYLES, driver="GPKG", layer_options={"FID": "id"}

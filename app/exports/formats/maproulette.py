@@ -93,11 +93,8 @@ def task(section: Section, nodes: Mapping[int, OsmNode], stated: Stated) -> dict
         "instruction": section.describe(),
         "attribution": stated.get("attribution", OSM_ATTRIBUTION),
     }
-    feature = {
-        "type": "Feature",
-        "geometry": {"type": "LineString", "coordinates": line},
-        "properties": properties,
-    }
+    geometry = {"type": "LineString", "coordinates": line}
+    feature = {"type": "Feature", "geometry": geometry, "properties": properties}
     collection: dict[str, Any] = {"type": "FeatureCollection", "features": [feature]}
     if section.whole:
         change = {"operation": "setTags", "data": {"incline": section.value}}

@@ -63,17 +63,16 @@ class OsmEle(Format):
         """Write the file; the number of nodes with ``ele``. ``RoadsError`` where no height is known at all."""
         if (form := FORMATS.get(path.suffix.lower())) is None:
             raise BadOptionsError(f"{path.name}: {self.name} writes {', '.join(self.suffixes)}.", where="out")
-        files = source.road_files if options.osm is None else (options.osm,)
-        nodes = read_nodes(
-            files, source.bbox if options.osm is None else None, roads_only=options.osm is None
-        )
+        own_roads = options.osm is None
+        files = source.road_files if own_roads else (options.osm,)
+        nodes = read_nodes(files, source.bbox if own_roads else None, roads_only=own_roads)
         heights = heights_of(source, nodes)
         generator = f"Versant {code_version()}; ele: metres above {_datum(source, heights, stated)}"
         if attribution := stated.get("attribution"):
             generator += f"; {attribution}"
         ele = dict(zip(nodes.node.tolist(), np.round(heights.height_m, DIGITS).tolist(), strict=True))
         with damage_told(files), writing(path, form, generator) as writer:
-            if options.osm is None:
+            if own_roads:
                 had = _write_roads(writer, files, nodes, ele)
             else:
                 had = _write_whole(writer, options.osm, nodes, ele)
@@ -95,9 +94,8 @@ def heights_of(source: Source, nodes: RoadNodes) -> NodeHeights:
     """Heights of all nodes of roads; ``RoadsError`` where nothing is known of any."""
     graph = nodes.graph
     measured = _measured(source, nodes)
-    known = np.divide(
-        measured.sum_m, measured.weight, out=np.full(len(graph), np.nan), where=measured.weight > 0
-    )
+    with np.errstate(invalid="ignore"):
+        known = measured.sum_m / measured.weight  # NaN where nothing was measured
     ground = source.ground_heights(graph.lon_deg, graph.lat_deg)
     try:
         return node_heights(graph, ground, known, _rises(nodes, measured.rises))

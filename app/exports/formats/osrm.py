@@ -23,8 +23,8 @@ a run-up is faster.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
@@ -131,15 +131,11 @@ class Vehicle:
             climbing = np.minimum(climbing, self._braked_kmh(slope, limit))
         return np.clip(climbing, min(self.lowest_kmh, limit), limit)
 
-    def speed_table(self, highway: str) -> Floats:
-        """Speeds, km/h, at ``SLOPES_PERCENT``: between them they are interpolated."""
+    def speed_kmh(self, slope_percent: float, highway: str) -> float:
+        """One speed, km/h, interpolated between those at ``SLOPES_PERCENT``, which are kept."""
         if highway not in self._tables:
             self._tables[highway] = self.speeds_kmh(SLOPES_PERCENT, highway)
-        return self._tables[highway]
-
-    def speed_kmh(self, slope_percent: float, highway: str) -> float:
-        """One speed, km/h, out of the table: a tenth of a percent is its step."""
-        return float(np.interp(slope_percent, SLOPES_PERCENT, self.speed_table(highway)))
+        return float(np.interp(slope_percent, SLOPES_PERCENT, self._tables[highway]))
 
     @cached_property
     def _tables(self) -> dict[str, Floats]:
@@ -215,16 +211,13 @@ class SpeedOptions(NoOptions):
         """The vehicle with what is given instead of the usual."""
         usual = VEHICLES[self.vehicle]
         top = math.inf if self.max_kmh is None else self.max_kmh
-        return Vehicle(
+        return replace(
+            usual,
             mass_kg=self.mass_kg or usual.mass_kg,
             power_w=usual.power_w if self.power_kw is None else self.power_kw * 1000,
             drag_area_m2=usual.drag_area_m2 if self.drag_area_m2 is None else self.drag_area_m2,
             rolling=usual.rolling if self.rolling is None else self.rolling,
             class_kmh={name: min(limit, top) for name, limit in usual.class_kmh.items()},
-            lasting_brake_w=usual.lasting_brake_w,
-            assisted_w=usual.assisted_w,
-            assisted_kmh=usual.assisted_kmh,
-            lowest_kmh=usual.lowest_kmh,
         )
 
 
@@ -240,31 +233,19 @@ class OsrmSpeeds(Format):
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write the lines; the format has no place for what is stated, so it is noted."""
+        vehicle, lowest = options.chosen(), 10.0**-options.decimals
         count, level = 0, 0
         with path.open("w", encoding="ascii", newline="") as file:
-            for segment, speeds in _directed(source, options):
-                for from_node, to_node, speed in speeds:
+            for segment in source.segments(gaps=True):
+                if segment.slope_percent is None and options.unmeasured is Unmeasured.SKIP:
+                    continue
+                slope = slope_of(segment, options.unmeasured)
+                for from_node, to_node, sign in directions(segment):
+                    speed = max(vehicle.speed_kmh(sign * (slope or 0.0), segment.highway), lowest)
                     file.write(f"{from_node},{to_node},{speed:.{options.decimals}f}\n")
                     count += 1
-                level += slope_of(segment, options.unmeasured) is None
+                level += slope is None
         if level:
             source.note(f"Of {level} segments no slope is known at all: their speeds are those on the level.")
         source.note(f"OSRM's lines have no place for whose data they are: {stated.get('attribution', '')}.")
         return count
-
-
-def _directed(
-    source: Source, options: SpeedOptions
-) -> Iterator[tuple[Segment, list[tuple[int, int, float]]]]:
-    vehicle, lowest = options.chosen(), 10.0**-options.decimals
-    for segment in source.segments(gaps=True):
-        if segment.slope_percent is None and options.unmeasured is Unmeasured.SKIP:
-            continue
-        slope = slope_of(segment, options.unmeasured) or 0.0
-        yield (
-            segment,
-            [
-                (a, b, max(vehicle.speed_kmh(sign * slope, segment.highway), lowest))
-                for a, b, sign in directions(segment)
-            ],
-        )

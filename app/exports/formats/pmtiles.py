@@ -29,7 +29,6 @@ ROOT_ENDS_AT = 16_384
 HEADER = struct.Struct("<7sB11Q6B4iB2i")
 ENTRIES_PER_LEAF = 4096
 GZIP_LEVEL = 6
-_GZIP_WBITS = 31
 _GZIP, _MVT, _CLUSTERED = 2, 1, 1
 _E7 = 10_000_000
 
@@ -88,8 +87,7 @@ def tile_number(z: int, x: int, y: int) -> int:
 
 def packed_gzip(data: bytes) -> bytes:
     """As gzip, without a time."""
-    packer = zlib.compressobj(GZIP_LEVEL, zlib.DEFLATED, _GZIP_WBITS)
-    return packer.compress(data) + packer.flush()
+    return zlib.compress(data, GZIP_LEVEL, wbits=31)
 
 
 def write_pmtiles(
@@ -115,26 +113,16 @@ def write_pmtiles(
         file.write(leaves)
         file.seek(0)
         after = ROOT_ENDS_AT + contents.size
-        sections = (
-            HEADER.size,
-            len(root),
-            after,
-            len(packed_metadata),
-            after + len(packed_metadata),
-            len(leaves),
-        )
+        end = after + len(packed_metadata)
+        sections = (HEADER.size, len(root), after, len(packed_metadata), end, len(leaves))
         tile_data = (ROOT_ENDS_AT, contents.size)
         counts = (contents.addressed, len(contents.entries), len(contents.places))
         kinds = (_CLUSTERED, _GZIP, _GZIP, _MVT)
         west, south, east, north = bounds_deg
         corners = [round(value * _E7) for value in bounds_deg]
         centre = [round((a + b) / 2 * _E7) for a, b in ((west, east), (south, north))]
-        file.write(
-            HEADER.pack(
-                b"PMTiles", 3, *sections, *tile_data, *counts, *kinds, *zooms, *corners, zooms[1], *centre
-            )
-        )
-        file.write(root)
+        numbers = (*sections, *tile_data, *counts, *kinds, *zooms, *corners, zooms[1], *centre)
+        file.write(HEADER.pack(b"PMTiles", 3, *numbers) + root)
     return contents.addressed
 
 
@@ -195,10 +183,10 @@ class PmTiles(Format):
         """As ``Format``; counts tiles."""
         # It brings what a service stands on: who exports no tiles need not load it.
         from app.map.tiles.documents import SEGMENT_FIELDS, kinds  # noqa: PLC0415
-        from app.map.tiles.store import LAYER  # noqa: PLC0415
+        from app.map.tiles.store import SEGMENTS  # noqa: PLC0415
 
         zooms = (options.min_zoom, options.max_zoom)
-        layer = {"id": LAYER, "fields": kinds(SEGMENT_FIELDS), "minzoom": zooms[0], "maxzoom": zooms[1]}
+        layer = {"id": SEGMENTS, "fields": kinds(SEGMENT_FIELDS), "minzoom": zooms[0], "maxzoom": zooms[1]}
         metadata = {
             "name": "Versant road slopes",
             "description": "Slopes of road segments, measured by vehicles",

@@ -16,6 +16,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import shutil
 import zipfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -32,7 +33,7 @@ from app.exports.formats.osm_ele import heights_of
 from app.exports.formats.osrm import Unmeasured, directions, slope_of
 from app.exports.writing.osm_files import read_nodes
 from fusion.errors import BadOptionsError
-from fusion.types import Floats, Ints
+from fusion.types import Floats
 
 if TYPE_CHECKING:
     from app.exports.source import Source
@@ -124,8 +125,7 @@ def _write_network(source: Source, path: Path, stated: Stated, unit: GradeUnit) 
                     archive.open(zipfile.ZipInfo(name, _DATE), "w", force_zip64=True) as member,
                     (Path(folder) / name).open("rb") as file,
                 ):
-                    while piece := file.read(1 << 20):
-                        member.write(piece)
+                    shutil.copyfileobj(file, member, 1 << 20)
             archive.writestr(zipfile.ZipInfo("README.txt", _DATE), _readme(stated, unit, unknown))
     if unknown:
         source.note(f"Of {unknown} edges no slope is known at all: they count as level.")
@@ -201,6 +201,8 @@ def _grades_of(source: Source, edges: Path, vertices: Path) -> Floats:
 
 def _columns(path: Path, names: tuple[str, ...]) -> tuple[Any, ...]:
     """Columns of a CSV, gzipped or not, by name; ``BadOptionsError`` where one is missing or is no number."""
+    kinds = {name: float if name == "distance" else int for name in names}
+    values: dict[str, list[float]] = {name: [] for name in names}
     try:
         with path.open("rb") as raw:
             packed = raw.read(2) == b"\x1f\x8b"
@@ -210,16 +212,11 @@ def _columns(path: Path, names: tuple[str, ...]) -> tuple[Any, ...]:
                 raise BadOptionsError(
                     f"{path.name} has no column {' and none '.join(missing)}.", where=path.name
                 )
-            values: list[list[float | int]] = [[] for _ in names]
             for row in rows:
-                for column, name in zip(values, names, strict=True):
-                    column.append(float(row[name]) if name == "distance" else int(row[name]))
+                for name, kind in kinds.items():
+                    values[name].append(kind(row[name]))
     except (OSError, EOFError, UnicodeDecodeError) as error:
         raise BadOptionsError(f"{path} cannot be read: {error}.", where=path.name) from error
     except (ValueError, TypeError) as error:
         raise BadOptionsError(f"{path.name}, line {rows.line_num}: {error}.", where=path.name) from error
-    columns: list[Ints | Floats] = [
-        np.array(column, float if name == "distance" else np.int64)
-        for name, column in zip(names, values, strict=True)
-    ]
-    return tuple(columns)
+    return tuple(np.array(values[name], kind) for name, kind in kinds.items())

@@ -35,21 +35,14 @@ def schema_of(layer: Layer) -> pa.Schema:
     return pa.schema([*fields, pa.field(GEOMETRY, pa.binary())])
 
 
-def arrow_tables(
-    records: Iterable[Record], rows: int | None = None, layer: Layer = SEGMENTS
-) -> Iterator[pa.Table]:
-    """Tables of at most ``rows`` rows (``ROWS_PER_TABLE``) in order; nothing for no records."""
+def arrow_tables(records: Iterable[Record], rows: int, layer: Layer = SEGMENTS) -> Iterator[pa.Table]:
+    """Tables of at most ``rows`` rows in order, rounded as in every output, unknown as null; none for no records."""
     source, schema = iter(records), schema_of(layer)
-    while chunk := list(islice(source, rows or ROWS_PER_TABLE)):
-        yield arrow_table(chunk, schema)
-
-
-def arrow_table(records: list[Record], schema: pa.Schema) -> pa.Table:
-    """One table in the schema, rounded as in every output; unknown is null."""
-    rows = [record.properties() for record in records]
-    columns = {name: [row[name] for row in rows] for name in schema.names if name != GEOMETRY}
-    columns["updated_at"] = [record.updated_at for record in records]
-    return pa.table({**columns, GEOMETRY: wkb(records)}, schema=schema)
+    while chunk := list(islice(source, rows)):
+        properties = [record.properties() for record in chunk]
+        columns = {name: [one[name] for one in properties] for name in layer.columns}
+        columns["updated_at"] = [record.updated_at for record in chunk]
+        yield pa.table({**columns, GEOMETRY: wkb(chunk)}, schema=schema)
 
 
 def bounds_deg(table: pa.Table) -> Floats:
@@ -70,12 +63,11 @@ def write_by_gdal(
     records: Iterable[Record],
     path: Path,
     driver: str,
-    layer: Layer,
     *,
     metadata: Mapping[str, str],
     options: Mapping[str, str],
 ) -> int:
-    """Write a new file with one layer of lines, WGS 84, by one of GDAL's drivers; returns how many.
+    """Write a new file with the segments as its one layer, WGS 84, by one of GDAL's drivers; returns how many.
 
     The driver draws table after table out of the records. What these raise is raised.
     """
@@ -85,7 +77,7 @@ def write_by_gdal(
     def batches() -> Iterator[pa.RecordBatch]:
         nonlocal count
         try:
-            for table in arrow_tables(records, layer=layer):
+            for table in arrow_tables(records, ROWS_PER_TABLE):
                 count += len(table)
                 yield from table.to_batches()
         except BaseException as error:  # the driver says of it only that there was one
@@ -94,9 +86,9 @@ def write_by_gdal(
 
     try:
         pyogrio.write_arrow(
-            pa.RecordBatchReader.from_batches(schema_of(layer), batches()),
+            pa.RecordBatchReader.from_batches(schema_of(SEGMENTS), batches()),
             path,
-            layer=layer.name,
+            layer=SEGMENTS.name,
             driver=driver,
             geometry_name=GEOMETRY,
             geometry_type="LineString",

@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import accumulate, compress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,11 +115,7 @@ class Section:
             f"Proposed: incline={self.value} on {where}. Today: {today}."
         )
         if any(self.open_ends):
-            ends = [
-                str(n)
-                for n, is_open in zip((self.from_node, self.to_node), self.open_ends, strict=True)
-                if is_open
-            ]
+            ends = map(str, compress((self.from_node, self.to_node), self.open_ends))
             text += f" Beyond node {' and node '.join(ends)} nothing was measured: it may go on being steep."
         return text + " Look at it before you change anything."
 
@@ -159,11 +156,9 @@ def sections(way: OsmWay, measured: Mapping[_Key, Segment], options: InclineOpti
 
 def _sign(segment: Segment | None, least_percent: float) -> int:
     """Of a slope that is at least so steep; 0 of any other, and where too little was driven."""
-    if segment is None or segment.slope_percent is None:
+    if segment is None or segment.slope_percent is None or abs(segment.slope_percent) < least_percent:
         return 0
     if segment.driven_share is not None and segment.driven_share < LEAST_SHARE:
-        return 0
-    if abs(segment.slope_percent) < least_percent:
         return 0
     return 1 if segment.slope_percent > 0 else -1
 
@@ -208,11 +203,9 @@ def steepest_percent(part: Sequence[Segment], sign: int) -> tuple[float, float]:
 
     Steepest is what is steepest for sure, a sigma below what was measured: one doubtful metre makes no wall.
     """
-    along, height, doubt = [0.0], [0.0], [0.0]
-    for segment in part:
-        along.append(along[-1] + segment.length_m)
-        height.append(height[-1] + (segment.slope_percent or 0.0) * segment.length_m)
-        doubt.append(doubt[-1] + (segment.slope_sigma_percent or 0.0) * segment.length_m)
+    along = list(accumulate((s.length_m for s in part), initial=0.0))
+    height = list(accumulate(((s.slope_percent or 0.0) * s.length_m for s in part), initial=0.0))
+    doubt = list(accumulate(((s.slope_sigma_percent or 0.0) * s.length_m for s in part), initial=0.0))
     window = min(STEEPEST_M, along[-1])
     starts = {
         start for place in along for start in (place, place - window) if 0 <= start <= along[-1] - window

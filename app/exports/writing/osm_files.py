@@ -100,10 +100,10 @@ def read_nodes(files: Sequence[Path], bbox: Bounds | None = None, *, roads_only:
             tags = way.tags
             if roads_only or any(tags.get(k) is not None and v in (None, tags.get(k)) for k, v in ROUTED):
                 ways.add(way)
-        ref = np.frombuffer(ways.ref, np.int64) if ways.ref else np.empty(0, np.int64)
+        ref = np.array(ways.ref, np.int64)
         node = np.unique(ref)
         lon, lat = _places(files, node)
-    length = np.frombuffer(ways.nodes, np.int64) if ways.id else np.empty(0, np.int64)
+    length = np.array(ways.nodes, np.int64)
     way = np.repeat(np.arange(len(length)), length)
     row = np.searchsorted(node, ref)
     if bbox is not None:
@@ -221,11 +221,10 @@ def _places(files: Sequence[Path], node: Ints) -> tuple[Floats, Floats]:
                 x.append(place.lon)
                 y.append(place.lat)
     lon, lat = np.full(len(node), np.nan), np.full(len(node), np.nan)
-    if number:
-        found_node = np.frombuffer(number, np.int64)
-        at = np.minimum(np.searchsorted(node, found_node), len(node) - 1)
-        mine = node[at] == found_node
-        lon[at[mine]], lat[at[mine]] = np.frombuffer(x)[mine], np.frombuffer(y)[mine]
+    found_node = np.array(number, np.int64)
+    at = np.minimum(np.searchsorted(node, found_node), len(node) - 1)
+    mine = node[at] == found_node
+    lon[at[mine]], lat[at[mine]] = np.array(x, float)[mine], np.array(y, float)[mine]
     return lon, lat
 
 

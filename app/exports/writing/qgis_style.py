@@ -80,11 +80,8 @@ def style_beside(path: Path) -> dict[Path, str]:
 
 
 def _symbol(parent: Element, name: str, colour: str, *, dashed: bool) -> None:
-    symbol = SubElement(
-        parent,
-        "symbol",
-        {"type": "line", "name": name, "alpha": "1", "clip_to_extent": "1", "force_rhr": "0"},
-    )
+    facts = {"type": "line", "name": name, "alpha": "1", "clip_to_extent": "1", "force_rhr": "0"}
+    symbol = SubElement(parent, "symbol", facts)
     layer = SubElement(symbol, "layer", {"class": "SimpleLine", "enabled": "1", "locked": "0", "pass": "0"})
     _options(
         layer,

@@ -8,8 +8,9 @@ go on as one line; there any stretches with two ends will do: segments, or piece
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass
+from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -45,16 +46,10 @@ def chains_of(key: Ints, ids: Ints, start: Ints, end: Ints) -> Chains:
     n = len(ids)
     if not n:
         return Chains(np.empty(0, np.int64), np.zeros(1, np.int64))
-    places = int(max(start.max(), end.max())) + 1
-    leaving, coming = (np.bincount(v, minlength=places) for v in (start, end))
-    _, way = np.unique(key, return_inverse=True)
-    knotted = np.zeros(int(way.max()) + 1, bool)
-    knotted[way[(leaving[start] > 1) | (coming[end] > 1)]] = True
-    chains = _plain(np.flatnonzero(~knotted[way]), ids, start, end, places)
-    rows = np.flatnonzero(knotted[way])
-    rows = rows[np.lexsort((ids[rows], way[rows]))]
-    for one in np.split(rows, np.flatnonzero(np.diff(way[rows])) + 1):
-        chains += _trails(one.tolist(), start, end)
+    order = np.lexsort((ids, key))
+    rows, begins, ends = order.tolist(), start.tolist(), end.tolist()
+    borders = [0, *(np.flatnonzero(np.diff(key[order])) + 1).tolist(), n]
+    chains = [trail for a, b in pairwise(borders) for trail in _trails(rows[a:b], begins, ends)]
     head = np.array([rows[0] for rows in chains])
     chains = [chains[k] for k in np.lexsort((ids[head], key[head])).tolist()]
     first = np.cumsum([0, *(len(rows) for rows in chains)])
@@ -65,8 +60,6 @@ def places(key: Ints, node: Ints, xy: Floats) -> Ints:
     """Numbers of the places that nodes (n,) of ways ``key`` lie in: one for each node of a way, and one for all nodes
     of it with the same coordinates (n, 2), which for a node are those of its first row.
     """
-    if not len(node):
-        return np.empty(0, np.int64)
     order = np.lexsort((node, key))
     new = np.ones(len(order), bool)
     new[1:] = (np.diff(key[order]) != 0) | (np.diff(node[order]) != 0)
@@ -82,70 +75,41 @@ def places(key: Ints, node: Ints, xy: Floats) -> Ints:
     return np.asarray(place[group], np.int64)
 
 
-def _plain(rows: Ints, ids: Ints, start: Ints, end: Ints, places: int) -> list[list[int]]:
-    """Chains of ways in which no two segments begin, and no two end, in one place."""
-    beginning = np.full(places, -1, np.int64)
-    beginning[start[rows]] = rows
-    ending = np.full(places, -1, np.int64)
-    ending[end[rows]] = rows
-    following = np.full(len(ids), -1, np.int64)
-    following[rows] = beginning[end[rows]]
-    heads = rows[ending[start[rows]] < 0]
-    after = following.tolist()
-    done = np.zeros(len(ids), bool)
-    chains = [_follow(head, after) for head in heads.tolist()]
-    done[[row for chain in chains for row in chain]] = True
-    rings = rows[~done[rows]]
-    for row in rings[np.argsort(ids[rings])].tolist():
-        if not done[row]:
-            chains.append(_follow(row, after))
-            done[chains[-1]] = True
-    return chains
-
-
-def _follow(row: int, after: list[int]) -> list[int]:
-    chain, head = [row], row
-    while (row := after[row]) >= 0 and row != head:
-        chain.append(row)
-    return chain
-
-
-def _trails(rows: list[int], start: Ints, end: Ints) -> list[list[int]]:
+def _trails(rows: list[int], start: list[int], end: list[int]) -> list[list[int]]:
     """As few trails as there can be through each of these segments, sorted by id, once (Hierholzer's way)."""
     leaving: dict[int, list[int]] = defaultdict(list)
-    surplus: dict[int, int] = defaultdict(int)
     for row in reversed(rows):
-        leaving[int(start[row])].append(row)
-        surplus[int(start[row])] += 1
-        surplus[int(end[row])] -= 1
+        leaving[start[row]].append(row)
+    surplus = Counter(start[row] for row in rows)
+    surplus.subtract(end[row] for row in rows)
 
     def walk(place: int) -> list[int]:
         trail = []
         while leaving[place]:
             trail.append(leaving[place].pop())
-            place = int(end[trail[-1]])
+            place = end[trail[-1]]
         return trail
 
     def with_detours(trail: list[int]) -> list[int]:
         """What is left leads back to where it leaves from."""
         k = 0
         while k <= len(trail):
-            detour = walk(int(start[trail[k]]) if k < len(trail) else int(end[trail[-1]]))
+            detour = walk(start[trail[k]] if k < len(trail) else end[trail[-1]])
             trail[k:k] = detour
             k += not detour
         return trail
 
-    open_ones = []
+    trails = []
     for row in rows:
-        place = int(start[row])
+        place = start[row]
         while surplus[place] > 0:
             surplus[place] -= 1
-            open_ones.append(walk(place))
-    trails = [with_detours(trail) for trail in open_ones]
-    for row in rows:
-        if row in leaving[int(start[row])]:
-            trails.append(with_detours(walk(int(start[row]))))
-    return trails
+            trails.append(walk(place))
+    if sum(map(len, trails)) == len(rows):  # as of nearly all ways
+        return trails
+    # One after the other: what a detour takes up begins no trail.
+    closed = (walk(start[row]) for row in rows if row in leaving[start[row]])
+    return [with_detours(trail) for trail in chain(trails, closed)]
 
 
 class Course(NamedTuple):
@@ -207,10 +171,7 @@ def _partners(start: Ints, end: Ints, kind: Ints, one_way: Bools) -> list[int]:
 
 def together_m(start: Ints, end: Ints, length_m: Floats) -> Floats:
     """For each stretch how long all are together that it hangs together with, (n,)."""
-    n = len(start)
-    if not n:
-        return np.empty(0)
-    places = int(max(start.max(), end.max())) + 1
-    graph = coo_array((np.ones(n), (start, end)), shape=(places, places))
+    places = int(max(start.max(initial=0), end.max(initial=0))) + 1
+    graph = coo_array((np.ones(len(start)), (start, end)), shape=(places, places))
     component = connected_components(graph, directed=False)[1][start]
     return np.asarray(np.bincount(component, length_m)[component], float)

@@ -164,6 +164,11 @@ class Stretches:
         """Whether anything is."""
         return np.isfinite(self.slope_percent)
 
+    @property
+    def end_points(self) -> Floats:
+        """Where each begins, then where each ends, (2n, 2)."""
+        return np.asarray(self.points[np.concatenate([self.first[:-1], self.first[1:] - 1])], float)
+
     def subset(self, rows: Ints) -> Stretches:
         """These rows in this order."""
         columns = {k: v[rows] for k, v in vars(self).items() if k not in ("points", "first")}

@@ -35,13 +35,11 @@ _SEGMENTS = """
         AND (s.cell = ANY(%(all_of)s::bigint[]) OR s.highway = ANY(%(classes)s::text[]) OR a.drives > 0)
     ORDER BY s.id
 """
-_CLASSES = text(
-    """
+_CLASSES = text("""
     SELECT DISTINCT s.highway FROM segments AS s
     JOIN derived_segments AS d ON d.segment_id = s.id AND d.cell = s.cell
     WHERE s.cell = ANY(CAST(:cells AS integer[]))
-    """
-)
+""")
 _COLUMNS = ", ".join(drawing.Piece._fields)
 _PIECES = f"""
     SELECT cell, {_COLUMNS} FROM drawn_pieces
@@ -61,12 +59,10 @@ _INSERT = f"""
 """  # noqa: S608 - constants
 
 # Any cell that nobody is at: solvers and imports hold some for milliseconds.
-_FREE_CELL = text(
-    """
+_FREE_CELL = text("""
     SELECT id FROM cells WHERE id BETWEEN :first AND :last AND (id & 16383) BETWEEN :top AND :bottom
     ORDER BY id LIMIT 1 FOR UPDATE SKIP LOCKED
-    """
-)
+""")
 _MAKE = text(
     "INSERT INTO cells (id) SELECT unnest(CAST(:ids AS integer[])) ORDER BY 1 ON CONFLICT (id) DO NOTHING"
 )
@@ -136,18 +132,11 @@ def stretches_of(pieces: Iterable[drawing.Piece]) -> drawing.Stretches:
 
 
 def _stretches(columns: Any, points: Floats, first: Ints) -> drawing.Stretches:
-    ids, highway, oneway, length_m, slope, sigma, drives = columns
-    return drawing.Stretches(
-        ids=np.array(ids, np.int64),
-        highway=np.array(highway, object),
-        oneway=np.array(oneway, np.int64),
-        length_m=np.array(length_m, float),
-        slope_percent=np.array(slope, float),
-        sigma_percent=np.array(sigma, float),
-        drives=np.array(drives, np.int64),
-        points=points,
-        first=first,
-    )
+    """The columns before the points as arrays, in the order of ``Stretches``."""
+    names = ("ids", "highway", "oneway", "length_m", "slope_percent", "sigma_percent", "drives")
+    types = (np.int64, object, np.int64, float, float, float, np.int64)
+    arrays: dict[str, Any] = {name: np.array(*one) for name, *one in zip(names, columns, types, strict=True)}
+    return drawing.Stretches(**arrays, points=points, first=first)
 
 
 def replace_pieces(session: Session, level: int, before: Drawn, after: Drawn) -> None:
@@ -213,12 +202,8 @@ def _free_cell(session: Session, level: int, tile: int) -> int:
     by = ZOOM - zoom
     x, y = tile >> zoom, tile & ((1 << zoom) - 1)
     left, top, last = x << by, y << by, (1 << by) - 1
-    values = {
-        "first": left << ZOOM | top,
-        "last": left + last << ZOOM | top + last,
-        "top": top,
-        "bottom": top + last,
-    }
+    right, bottom = left + last, top + last
+    values = {"first": left << ZOOM | top, "last": right << ZOOM | bottom, "top": top, "bottom": bottom}
     cell = session.execute(_FREE_CELL, values).scalar()
     if cell is None:
         cell = left << ZOOM | top
@@ -275,10 +260,8 @@ def all_roads(stretches: drawing.Stretches, ends: Ends) -> list[drawing.Piece]:
     """The pieces of the finest level: all roads of a tile, each way for itself, in its direction."""
     key = _numbers(ends.osm_way_id, stretches.oneway, _kinds(stretches))
     n = len(stretches)
-    points = np.concatenate(
-        [stretches.points[stretches.first[:-1]], stretches.points[stretches.first[1:] - 1]]
-    )
-    place = places(np.tile(key, 2), np.concatenate([ends.from_node, ends.to_node]), points)
+    nodes = np.concatenate([ends.from_node, ends.to_node])
+    place = places(np.tile(key, 2), nodes, stretches.end_points)
     chains = chains_of(key, stretches.ids, place[:n], place[n:])
     rows, first = chains.rows.tolist(), chains.first.tolist()
     lines = [Course(rows[a:b], [False] * (b - a)) for a, b in pairwise(first)]
@@ -300,32 +283,23 @@ def greater_roads(level: drawing.Level, stretches: drawing.Stretches) -> list[dr
 def _chosen(level: drawing.Level, stretches: drawing.Stretches) -> Bools:
     of_class = {highway: level.chosen(highway) for highway in set(stretches.highway.tolist())}
     if of_class and not any(of_class.values()):
-        best = min((drawing.is_link(highway), drawing.rank(highway)) for highway in of_class)
-        of_class = {
-            highway: (drawing.is_link(highway), drawing.rank(highway)) == best for highway in of_class
-        }
+        importance = {highway: (drawing.is_link(highway), drawing.rank(highway)) for highway in of_class}
+        best = min(importance.values())
+        of_class = {highway: one == best for highway, one in importance.items()}
     return np.array([of_class[highway] for highway in stretches.highway.tolist()], bool)
 
 
 def _kinds(stretches: drawing.Stretches) -> Ints:
-    numbers: dict[str, int] = {}
-    return np.array(
-        [numbers.setdefault(highway, len(numbers)) for highway in stretches.highway.tolist()], np.int64
-    )
+    return np.asarray(np.unique(stretches.highway, return_inverse=True)[1], np.int64)
 
 
 def _numbers(*columns: Ints) -> Ints:
     """A number for each combination that there is."""
-    if not len(columns[0]):
-        return np.empty(0, np.int64)
     return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
 
 
 def _ends(stretches: drawing.Stretches) -> tuple[Ints, Ints]:
     """Numbers of the places where stretches begin and end; those that meet share coordinates to the last digit."""
-    n = len(stretches)
-    if not n:
-        return np.empty(0, np.int64), np.empty(0, np.int64)
-    ends = np.concatenate([stretches.points[stretches.first[:-1]], stretches.points[stretches.first[1:] - 1]])
-    place = np.unique(ends[:, 0] + 1j * ends[:, 1], return_inverse=True)[1].reshape(-1).astype(np.int64)
+    n, ends = len(stretches), stretches.end_points
+    place = np.unique(ends[:, 0] + 1j * ends[:, 1], return_inverse=True)[1].astype(np.int64)
     return place[:n], place[n:]

@@ -17,8 +17,8 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection
+from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
 
@@ -30,17 +30,12 @@ from app.core.db import Sessions
 from app.map.derived import drawn_store
 from app.map.derived.drawing import ABOVE, BLOCK, FINEST, children, parent
 from app.map.derived.way_store import rows_of, segments_of, write_ways
+from app.network.locks import deriving_alone
 from app.network.swap import snapshot
-
-# Any constant that no other user of this database takes.
-_DERIVE = 0x5653_4456  # "VSDV"
-_TRY = text("SELECT pg_try_advisory_lock(:key)")
-_FREE = text("SELECT pg_advisory_unlock(:key)")
 
 # One statement, one snapshot; each part is a look at one entry of an index: asked whether there is any change, the
 # planner would rather read all of them.
-_LOOK = text(
-    """
+_LOOK = text("""
     WITH moment AS (
         SELECT u.xid, u.segment_id, u.turn,
                CAST(CAST(pg_snapshot_xmin(pg_current_snapshot()) AS text) AS bigint) AS horizon,
@@ -53,12 +48,10 @@ _LOOK = text(
                      ORDER BY c.xid, c.segment_id LIMIT 1) < m.horizon, false) AS changes,
            (SELECT min(since) < clock_timestamp() - make_interval(secs => :long_s) FROM cells_to_draw) AS waits_long
     FROM moment AS m
-    """
-)
+""")
 
 # With where they were when they were followed last, and where they are.
-_CHANGES = text(
-    """
+_CHANGES = text("""
     SELECT c.xid, c.segment_id, s.osm_way_id AS way, s.cell, d.osm_way_id AS former_way, d.cell AS former_cell
     FROM (SELECT xid, segment_id FROM segment_changes
           WHERE (xid, segment_id) > (:xid, :segment_id) AND xid < :horizon
@@ -66,54 +59,43 @@ _CHANGES = text(
     LEFT JOIN segments AS s ON s.id = c.segment_id
     LEFT JOIN derived_segments AS d ON d.segment_id = c.segment_id
     ORDER BY c.xid, c.segment_id
-    """
-)
+""")
 _SHORT_WAITS = text("SET LOCAL lock_timeout = '50ms'")
 _TURN = text("UPDATE derived_upto SET turn = turn + 1, written_xid = versant_xid() WHERE turn = :turn")
 _UP_TO = text("UPDATE derived_upto SET xid = :xid, segment_id = :segment_id")
-_FOLLOWED = text(
-    """
+_FOLLOWED = text("""
     INSERT INTO derived_segments AS d (segment_id, osm_way_id, cell)
     SELECT * FROM unnest(CAST(:ids AS bigint[]), CAST(:ways AS bigint[]), CAST(:cells AS integer[]))
     ON CONFLICT (segment_id) DO UPDATE SET osm_way_id = excluded.osm_way_id, cell = excluded.cell
     WHERE (d.osm_way_id, d.cell) <> (excluded.osm_way_id, excluded.cell)
-    """
-)
+""")
 _GONE = text("DELETE FROM derived_segments WHERE segment_id = ANY(CAST(:ids AS bigint[]))")
 
 # Piece by piece: whoever changes one of these segments meanwhile waits for it.
-_FROM_ELSEWHERE = text(
-    """
+_FROM_ELSEWHERE = text("""
     UPDATE segment_changes SET xid = versant_xid() WHERE segment_id = ANY(ARRAY(
         SELECT segment_id FROM segment_changes WHERE xid >= :beyond ORDER BY segment_id LIMIT :limit))
-    """
-)
+""")
 _FROM_THE_START = text("UPDATE derived_upto SET xid = 0, segment_id = 0")
 
-_TO_DRAW = text(
-    """
+_TO_DRAW = text("""
     INSERT INTO cells_to_draw (level, cell, since)
     SELECT :level, cell, clock_timestamp() FROM unnest(CAST(:tiles AS integer[])) AS cell
     ON CONFLICT (level, cell) DO NOTHING
-    """
-)
+""")
 _IS_DRAWN = text("DELETE FROM cells_to_draw WHERE level = :level AND cell = ANY(CAST(:tiles AS integer[]))")
 
 # The finest first, for others are made of them; but none waits for ever while changes come.
-_NEXT = text(
-    """
+_NEXT = text("""
     SELECT level, cell FROM cells_to_draw
     ORDER BY level < :block AND since < clock_timestamp() - make_interval(secs => :long_s) DESC, level DESC, since,
              cell
     LIMIT 1
-    """
-)
-_WAITING_IN = text(
-    """
+""")
+_WAITING_IN = text("""
     SELECT cell FROM cells_to_draw
     WHERE level = :level AND cell = ANY(CAST(:tiles AS integer[])) ORDER BY cell
-    """
-)
+""")
 
 
 class Moment(NamedTuple):
@@ -149,19 +131,6 @@ class Change(NamedTuple):
     cell: int | None
     former_way: int | None
     former_cell: int | None
-
-
-@contextmanager
-def deriving_alone(sessions: Sessions) -> Iterator[bool]:
-    """Whether nobody else derives, until the block or the process ends. What is written does not depend on it."""
-    with sessions() as session:
-        session.connection(execution_options={"isolation_level": "AUTOCOMMIT"})
-        alone = bool(session.execute(_TRY, {"key": _DERIVE}).scalar_one())
-        try:
-            yield alone
-        finally:
-            if alone:
-                session.execute(_FREE, {"key": _DERIVE})
 
 
 def look(session: Session, long_s: float) -> Moment:

@@ -287,10 +287,9 @@ def _mean(values: Floats, length_m: Floats, chains: Chains) -> Floats:
     known = np.isfinite(values[chains.rows])
     number, rows = chains.number()[known], chains.rows[known]
     weight = np.bincount(number, length_m[rows], minlength=len(chains))
+    total = np.bincount(number, (length_m * values)[rows], minlength=len(chains))
     with np.errstate(invalid="ignore"):
-        return np.asarray(
-            np.bincount(number, (length_m * values)[rows], minlength=len(chains)) / weight, float
-        )
+        return np.asarray(total / weight, float)
 
 
 def _latest(moments: Collection[Any], chains: Chains) -> list[Any]:

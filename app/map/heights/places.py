@@ -5,6 +5,8 @@ The polyline is Google's encoding (five decimals) and Valhalla's of it (six); se
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from app.core.errors import BadRequestError
@@ -19,9 +21,9 @@ _LONGEST = 7
 """Characters of a number: 35 bits hold 180 degrees in millionths."""
 
 
-def from_pairs(lat_deg: list[float], lon_deg: list[float], field: str) -> Floats:
+def from_pairs(lat_lon_deg: Sequence[tuple[float, float]] | Floats, field: str) -> Floats:
     """Rows of longitude and latitude, degrees, shape (n, 2); ``BadRequestError`` where one is none on Earth."""
-    places = np.column_stack([lon_deg, lat_deg]).astype(float) if lat_deg else np.empty((0, 2))
+    places = np.array(lat_lon_deg, float).reshape(-1, 2)[:, ::-1].copy()
     if not len(places):
         raise BadRequestError.about(field, "it names no place.")
     bad = np.flatnonzero(~((np.abs(places[:, 0]) <= 180) & (np.abs(places[:, 1]) <= 90)))
@@ -39,7 +41,7 @@ def from_text(text: str, field: str, most: int) -> Floats:
         return from_polyline(text.removeprefix(ENCODED), 5, field, most)
     parts = text.split("|")
     check_number(len(parts), field, most)
-    lat_deg, lon_deg = [], []
+    pairs: list[tuple[float, float]] = []
     for n, part in enumerate(parts, 1):
         try:
             lat, lon = (float(number) for number in part.split(","))
@@ -47,9 +49,8 @@ def from_text(text: str, field: str, most: int) -> Floats:
             raise BadRequestError.about(
                 field, f"place {n} is {part[:40]!r}. Write latitude,longitude in degrees, places parted by |."
             ) from None
-        lat_deg.append(lat)
-        lon_deg.append(lon)
-    return from_pairs(lat_deg, lon_deg, field)
+        pairs.append((lat, lon))
+    return from_pairs(pairs, field)
 
 
 def from_polyline(text: str, digits: int, field: str, most: int) -> Floats:
@@ -69,7 +70,7 @@ def from_polyline(text: str, digits: int, field: str, most: int) -> Floats:
         raise _malformed(field, "its end")
     check_number(len(numbers) // 2, field, most)
     steps = np.array(numbers, float).reshape(-1, 2).cumsum(axis=0) / 10**digits
-    return from_pairs(steps[:, 0].tolist(), steps[:, 1].tolist(), field)
+    return from_pairs(steps, field)
 
 
 def check_number(places: int, field: str, most: int) -> None:

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -57,14 +58,11 @@ def along_line(places: Floats, roads: Sequence[Sequence[RoadHere]], radius_m: fl
     there = [_within(place, near, radius_m) for place, near in zip(places, roads, strict=True)]
     chosen: list[OnRoad | None] = [None] * len(there)
     directions = _directions(places)
-    start = 0
-    while start < len(there):
-        end = start
-        while end < len(there) and there[end]:
-            end += 1
-        if end > start:
-            chosen[start:end] = _best(there[start:end], directions[start:end])
-        start = end + 1
+    for is_near, group in groupby(range(len(there)), key=lambda n: bool(there[n])):
+        if is_near:
+            rows = list(group)
+            run = slice(rows[0], rows[-1] + 1)
+            chosen[run] = _best(there[run], directions[run])
     return chosen
 
 

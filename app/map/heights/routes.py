@@ -6,7 +6,7 @@ import json
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from app.core.errors import BadRequestError
 from app.core.http import Service, ServiceDep, problems
@@ -60,17 +60,11 @@ class Place(BaseModel, extra="ignore"):
     lon: float = Field(ge=-180, le=180)
 
 
-class HeightRequest(BaseModel):
-    """What Valhalla's service takes; what is not known here is ignored, as there."""
+_REQUEST_EXAMPLE: dict[str, Any] = {"shape": HEIGHTS_EXAMPLE["shape"], "range": True}
 
-    model_config = ConfigDict(
-        extra="ignore",
-        json_schema_extra={
-            "examples": [
-                {"shape": [{"lat": 48.9912, "lon": 8.4812}, {"lat": 48.9915, "lon": 8.4815}], "range": True}
-            ]
-        },
-    )
+
+class HeightRequest(BaseModel, extra="ignore", json_schema_extra={"examples": [_REQUEST_EXAMPLE]}):
+    """What Valhalla's service takes; what is not known here is ignored, as there."""
 
     shape: list[Place] | None = None
     encoded_polyline: str | None = Field(None, description="Instead of shape.")
@@ -260,9 +254,7 @@ def _places(request: HeightRequest) -> Floats:
         raise BadRequestError("Give shape or encoded_polyline, one of them.", field="shape")
     if request.shape is not None:
         reading.check_number(len(request.shape), "shape", reading.MOST_PLACES)
-        return reading.from_pairs(
-            [one.lat for one in request.shape], [one.lon for one in request.shape], "shape"
-        )
+        return reading.from_pairs([(one.lat, one.lon) for one in request.shape], "shape")
     digits = 6 if request.shape_format == "polyline6" else 5
     return reading.from_polyline(
         request.encoded_polyline or "", digits, "encoded_polyline", reading.MOST_PLACES

@@ -107,8 +107,6 @@ def roads_at(session: Session, nodes: dict[int, tuple[float, float]]) -> list[Ro
 
 def one_road(session: Session, segment_id: int) -> tuple[RoadHere, int] | None:
     """A segment by its number, and how many drives measured it: 0 of a gap, whose heights are its neighbours'."""
-    rows = [
-        (RoadHere(*columns), int(drives))
-        for drives, *columns in fetch_binary(session, _ONE, {"id": segment_id})
-    ]
-    return rows[0] if rows else None
+    for drives, *columns in fetch_binary(session, _ONE, {"id": segment_id}):
+        return RoadHere(*columns), int(drives)
+    return None

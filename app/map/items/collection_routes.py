@@ -106,7 +106,15 @@ def collections(request: Request, service: ServiceDep, base: BaseUrl, form: page
 def _route(collection: Collection) -> None:
     """The route to what is said of one collection."""
 
+    @router.get(
+        f"/collections/{collection.id}",
+        name=f"collection_{collection.id}",
+        summary=f"The collection of {collection.id}",
+        response_class=Response,
+        responses=pages.described("The collection.", {JSON: _EXAMPLE}, 400, 406, 503),
+    )
     def document(request: Request, service: ServiceDep, base: BaseUrl, form: pages.FormDep) -> Response:
+        """Title, extent, reference systems, and where its items, its schema and its tiles are."""
         here = f"{base}/collections/{collection.id}"
         up = link(f"{base}/collections", "parent", title="Collections")
         links = [*form.links(here), up, *collection_links(base, collection)]
@@ -116,16 +124,6 @@ def _route(collection: Collection) -> None:
         return pages.document_answer(
             request, form, content, links, "collection.html", collection.title, above, address=here
         )
-
-    document.__doc__ = "Title, extent, reference systems, and where its items, its schema and its tiles are."
-    router.add_api_route(
-        f"/collections/{collection.id}",
-        document,
-        name=f"collection_{collection.id}",
-        summary=f"The collection of {collection.id}",
-        response_class=Response,
-        responses=pages.described("The collection.", {JSON: _EXAMPLE}, 400, 406, 503),
-    )
 
 
 for _collection in COLLECTIONS.values():
@@ -226,15 +224,8 @@ def xml_schema(collection: Collection) -> str:
 
 
 def _schema(address: str, title: str, description: str, properties: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "$schema": DIALECT,
-        "$id": address,
-        "type": "object",
-        "title": title,
-        "description": description,
-        "properties": properties,
-        "additionalProperties": False,
-    }
+    head = {"$schema": DIALECT, "$id": address, "type": "object", "title": title, "description": description}
+    return {**head, "properties": properties, "additionalProperties": False}
 
 
 def _properties(known: Iterable[Property]) -> dict[str, dict[str, Any]]:
@@ -259,12 +250,20 @@ Maker = Callable[[str, Collection], dict[str, Any]]
 
 def _schema_route(collection: Collection, name: str, title: str, text: str, make: Maker) -> None:
     """The route to one of the documents of one collection."""
-    forms = (
-        (pages.AS_SCHEMA, pages.AS_XSD, pages.AS_HTML)
-        if make is returnables
-        else (pages.AS_SCHEMA, pages.AS_HTML)
-    )
+    forms: tuple[pages.Form, ...] = (pages.AS_SCHEMA, pages.AS_HTML)
+    contents: dict[str, Any] = {pages.SCHEMA_JSON: _SCHEMA_EXAMPLE}
+    if make is returnables:
+        forms = (pages.AS_SCHEMA, pages.AS_XSD, pages.AS_HTML)
+        contents[pages.XML] = "<xs:schema/>"
 
+    @router.get(
+        f"/collections/{collection.id}/{name}",
+        name=f"{name}_of_{collection.id}",
+        summary=f"{title} of {collection.id}",
+        description=text,
+        response_class=Response,
+        responses=pages.described(f"{title}.", contents, 400, 406),
+    )
     def document(request: Request, base: BaseUrl, f: pages.FormatQuery = None) -> Response:
         refuse_unknown(request, {"f"})
         form = pages.wanted(request, f, *forms)
@@ -276,20 +275,6 @@ def _schema_route(collection: Collection, name: str, title: str, text: str, make
         schema = make(address, collection)
         above = collection_crumbs(base, collection)
         return pages.document_answer(request, form, schema, links, "schema.html", schema["title"], above)
-
-    document.__doc__ = text
-    contents: dict[str, Any] = {
-        pages.SCHEMA_JSON: _SCHEMA_EXAMPLE,
-        **({pages.XML: "<xs:schema/>"} if pages.AS_XSD in forms else {}),
-    }
-    router.add_api_route(
-        f"/collections/{collection.id}/{name}",
-        document,
-        name=f"{name}_of_{collection.id}",
-        summary=f"{title} of {collection.id}",
-        response_class=Response,
-        responses=pages.described(f"{title}.", contents, 400, 406),
-    )
 
 
 _ALL_OF_IT = "Every property of an item: type, unit, meaning. Also as XML Schema."

@@ -172,15 +172,9 @@ OF_TEXTS: Mapping[str, str] = {
     "accenti": "normalize(regexp_replace(normalize({a}, NFD), '[\u0300-\u036f]', '', 'g'), NFC)",
 }
 SPATIAL: Mapping[str, str] = {
-    "s_intersects": "ST_Intersects({a}, {b})",
-    "s_equals": "ST_Equals({a}, {b})",
-    "s_touches": "ST_Touches({a}, {b})",
-    "s_within": "ST_Within({a}, {b})",
-    "s_overlaps": "ST_Overlaps({a}, {b})",
-    "s_crosses": "ST_Crosses({a}, {b})",
-    "s_contains": "ST_Contains({a}, {b})",
-    "s_disjoint": "(NOT ST_Intersects({a}, {b}))",
-}
+    f"s_{name}": f"ST_{name.capitalize()}({{a}}, {{b}})"
+    for name in ("intersects", "equals", "touches", "within", "overlaps", "crosses", "contains")
+} | {"s_disjoint": "(NOT ST_Intersects({a}, {b}))"}
 # Of two intervals from a0 to a1 and from b0 to b1; a moment begins and ends at once. An end is a column or a value, no
 # operator makes one: so what is written twice here has nothing inside.
 TEMPORAL: Mapping[str, str] = {

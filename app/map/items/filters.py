@@ -52,10 +52,13 @@ class _Compiler:
             where = f" (at character {match.start() + 1})"
         return BadQueryError.about("filter", f"{reason}{where}.")
 
-    def _parameter(self, value: Any, kind: str) -> str:
+    def _placeholder(self, value: Any) -> str:
         name = f"f{len(self.values)}"
         self.values[name] = value
-        return f"CAST(%({name})s AS {SQL_TYPES[kind]})"
+        return f"%({name})s"
+
+    def _parameter(self, value: Any, kind: str) -> str:
+        return f"CAST({self._placeholder(value)} AS {SQL_TYPES[kind]})"
 
     def _at(self, step: str, node: Any, reader: Callable[[Any], Any]) -> Any:
         self._path.append(step)
@@ -156,9 +159,7 @@ class _Compiler:
                 f"a geometry cannot be used: {str(error).removeprefix('bbox: ')}",
                 str(node.get("type", "bbox")),
             ) from error
-        name = f"f{len(self.values)}"
-        self.values[name] = wkb
-        return cql.Value("line", f"ST_GeomFromWKB(%({name})s, 4326)")
+        return cql.Value("line", f"ST_GeomFromWKB({self._placeholder(wkb)}, 4326)")
 
     def _of_operator(self, written: str, args: Any) -> cql.Value:
         op = written.lower()

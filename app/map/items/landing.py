@@ -19,7 +19,7 @@ from app.map.items import pages
 from app.map.items.openapi30 import openapi_30
 from app.map.segment import attribution
 from app.map.tiles.documents import SCHEMES_REL, tilesets_link
-from app.map.tiles.routes import TILES_CONFORMANCE
+from app.map.tiles.routes import TILES_CLASSES
 
 BIND_NOTE = (
     "There is no access control yet: the service listens only on this machine's loopback address unless it "
@@ -27,41 +27,33 @@ BIND_NOTE = (
 )
 
 
-def _classes(part: str, *names: str) -> tuple[str, ...]:
-    """Each is declared because the tests that are named after its abstract tests hold (``tests/app/map/items``)."""
-    return tuple(f"http://www.opengis.net/spec/{part}/1.0/conf/{name}" for name in names)
-
-
-CORE_CLASSES = _classes("ogcapi-features-1", "core", "oas30", "html", "geojson")
-CRS_CLASSES = _classes("ogcapi-features-2", "crs")
-QUERY_CLASSES = _classes(
-    "ogcapi-features-3", "queryables", "queryables-query-parameters", "filter", "features-filter"
-)
-CQL2_CLASSES = _classes(
-    "cql2",
-    "cql2-text",
-    "cql2-json",
-    "basic-cql2",
-    "advanced-comparison-operators",
-    "case-insensitive-comparison",
-    "accent-insensitive-comparison",
-    "basic-spatial-functions",
-    "basic-spatial-functions-plus",
-    "spatial-functions",
-    "temporal-functions",
-    "property-property",
-    "arithmetic",
-)
-SCHEMA_CLASSES = _classes(
-    "ogcapi-features-5", "schemas", "core-roles-features", "returnables-and-receivables"
-)
-CONFORMANCE = (
-    *CORE_CLASSES,
-    *CRS_CLASSES,
-    *QUERY_CLASSES,
-    *CQL2_CLASSES,
-    *SCHEMA_CLASSES,
-    *TILES_CONFORMANCE,
+# Each is declared because the tests that are named after its abstract tests hold (``tests/app/map/items``).
+_CLASSES = {
+    "ogcapi-features-1": ("core", "oas30", "html", "geojson"),
+    "ogcapi-features-2": ("crs",),
+    "ogcapi-features-3": ("queryables", "queryables-query-parameters", "filter", "features-filter"),
+    "cql2": (
+        "cql2-text",
+        "cql2-json",
+        "basic-cql2",
+        "advanced-comparison-operators",
+        "case-insensitive-comparison",
+        "accent-insensitive-comparison",
+        "basic-spatial-functions",
+        "basic-spatial-functions-plus",
+        "spatial-functions",
+        "temporal-functions",
+        "property-property",
+        "arithmetic",
+    ),
+    "ogcapi-features-5": ("schemas", "core-roles-features", "returnables-and-receivables"),
+    "ogcapi-tiles-1": TILES_CLASSES,
+}
+"""By the standard that they are of."""
+CONFORMANCE = tuple(
+    f"http://www.opengis.net/spec/{part}/1.0/conf/{name}"
+    for part, names in _CLASSES.items()
+    for name in names
 )
 
 router = APIRouter(tags=["map"])
@@ -75,15 +67,11 @@ router = APIRouter(tags=["map"])
 )
 def landing(request: Request, base: BaseUrl, form: pages.FormDep) -> Response:
     """Where everything is."""
+    api, older = f"{base}/openapi.json", OPENAPI_30
     links = [
         *form.links(f"{base}/"),
-        link(
-            f"{base}/openapi.json?f={OPENAPI_30.names[0]}",
-            "service-desc",
-            OPENAPI_30.media_types[0],
-            "The API, OpenAPI 3.0",
-        ),
-        link(f"{base}/openapi.json", "service-desc", OPENAPI_31.media_types[0], "The API, OpenAPI 3.1"),
+        link(f"{api}?f={older.names[0]}", "service-desc", older.media_types[0], "The API, OpenAPI 3.0"),
+        link(api, "service-desc", OPENAPI_31.media_types[0], "The API, OpenAPI 3.1"),
         link(f"{base}/docs", "service-doc", pages.HTML, "The documentation, for people"),
         link(f"{base}/conformance", "conformance", title="Conformance classes"),
         link(f"{base}/collections", "data", title="Collections"),

@@ -74,16 +74,14 @@ class Wanted:
 
     def links(self, address: str, pairs: Iterable[tuple[str, str]] = ()) -> list[Link]:
         """``self``, and ``alternate`` for each other form of what is at ``address`` with these parameters."""
-        others_pairs = [(name, text) for name, text in pairs if name != "f"]
-        own_pairs = [*others_pairs, *([("f", self.asked)] if self.asked else [])]
-        own = link(with_pairs(address, own_pairs), "self", self.media_type, "This document")
+        other_pairs = [(name, text) for name, text in pairs if name != "f"]
+
+        def here(f: str | None) -> str:
+            return with_pairs(address, [*other_pairs, ("f", f)] if f else other_pairs)
+
+        own = link(here(self.asked), "self", self.media_type, "This document")
         others = [
-            link(
-                with_pairs(address, [*others_pairs, ("f", form.names[0])]),
-                "alternate",
-                form.media_types[0],
-                f"This document as {form.title}",
-            )
+            link(here(form.names[0]), "alternate", form.media_types[0], f"This document as {form.title}")
             for form in self.forms
             if form is not self.form
         ]

@@ -66,13 +66,10 @@ class Order:
     def __init__(self, collection: Collection, keys: Sequence[SortKey] = ()) -> None:
         """Without keys: by ascending id. Keys after the id say nothing more."""
         self._collection = collection
-        names = [key.property.name for key in keys]
-        self.keys = tuple(keys[: names.index("id")] if "id" in names else keys)
-        self._id_descending = (
-            keys[names.index("id")].descending
-            if "id" in names
-            else bool(self.keys) and self.keys[-1].descending
-        )
+        by_id = next((n for n, key in enumerate(keys) if key.property.name == "id"), len(keys))
+        self.keys = tuple(keys[:by_id])
+        # As its own key says, else as the last one of the others.
+        self._id_descending = any(key.descending for key in keys[by_id:][:1] or keys[-1:])
 
     @property
     def text(self) -> str:
@@ -188,11 +185,11 @@ def parse_after(text: str, digest: str, order: Order) -> tuple[int | None, Value
     if version != _VERSION or of != digest:
         raise _bad_after("this place belongs to another query, whose filters or order differ")
     kinds = [key.property for key in order.keys]
-    if not (until_xid is None or (type(until_xid) is int and 0 <= until_xid <= MAX_ID)):
-        raise _bad_after("this is no place in the items")
-    if len(values) != len(kinds) + 1 or not (
-        _fits(values[-1], "integer", nullable=False)
-        and all(_fits(v, p.kind, nullable=p.nullable) for v, p in zip(values[:-1], kinds, strict=True))
+    if (
+        not (until_xid is None or (type(until_xid) is int and 0 <= until_xid <= MAX_ID))
+        or len(values) != len(kinds) + 1
+        or not _fits(values[-1], "integer", nullable=False)
+        or not all(_fits(v, p.kind, nullable=p.nullable) for v, p in zip(values[:-1], kinds, strict=True))
     ):
         raise _bad_after("this is no place in the items")
     return until_xid, tuple(values)

@@ -61,14 +61,6 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Since:
-    """Only what changed since a time, or a version of the data: one of the two."""
-
-    time: datetime | None = None
-    version: str | None = None
-
-
-@dataclass(frozen=True)
 class ItemRequest:
     """One page of items that somebody asks for."""
 
@@ -82,7 +74,8 @@ class ItemRequest:
     after: Values | None = None
     until_xid: int | None = None
     """Of a listing of changes, where its first page ended it."""
-    since: Since | None = None
+    since: datetime | str | None = None
+    """Only what changed since a time, or a version of the data."""
     patience_s: float | None = None
     """How long a statement may take; None: as long as any other."""
     filtered: bool = False
@@ -291,8 +284,8 @@ def _names(collection: Collection, text: str) -> tuple[str, ...]:
     return tuple(name for name in collection.properties if name in names)
 
 
-def _since(text: str) -> Since:
+def _since(text: str) -> datetime | str:
     try:
-        return Since(time=places.moment(text))
+        return places.moment(text)
     except (ValueError, OverflowError):
-        return Since(version=text)
+        return text

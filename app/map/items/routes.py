@@ -252,39 +252,34 @@ def _rasters(
 def _routes(collection: Collection) -> None:
     """The routes to a collection's items."""
 
+    page_of = "One page of items, by ascending id unless `sortby` says otherwise."
+    statuses = (*_PROBLEMS, *_SINCE[collection.follows_changes])
+
+    @router.get(
+        f"/collections/{collection.id}/items",
+        name=f"items_of_{collection.id}",
+        summary=collection.title,
+        description="Follow the `next` link until there is none: every matching item comes exactly once.\n\n"
+        "`numberMatched` is given where it costs little. A segment with a slope and 0 drives is a gap (see `gaps`): "
+        "its slope comes from the roads on both its sides.",
+        response_class=Response,
+        responses=pages.described(page_of, {GEO_JSON: ITEMS_EXAMPLE}, *statuses),
+        openapi_extra={"parameters": items_parameters(collection)},
+    )
     def items(request: Request, service: ServiceDep, base: BaseUrl) -> Response:
         return items_answer(request, service, base, collection)
 
-    def item(item_id: ItemId, request: Request, service: ServiceDep, base: BaseUrl) -> Response:
-        return item_answer(request, service, base, collection, item_id)
-
-    items.__doc__ = (
-        "Follow the `next` link until there is none: every matching item comes exactly once.\n\n"
-        "`numberMatched` is given where it costs little. A segment with a slope and 0 drives is a gap (see `gaps`): "
-        "its slope comes from the roads on both its sides."
-    )
-    item.__doc__ = "The item with the slope that all its drives together give; `gaps` as for many items."
-    page_of = "One page of items, by ascending id unless `sortby` says otherwise."
-    router.add_api_route(
-        f"/collections/{collection.id}/items",
-        items,
-        name=f"items_of_{collection.id}",
-        summary=collection.title,
-        response_class=Response,
-        responses=pages.described(
-            page_of, {GEO_JSON: ITEMS_EXAMPLE}, *_PROBLEMS, *_SINCE[collection.follows_changes]
-        ),
-        openapi_extra={"parameters": items_parameters(collection)},
-    )
-    router.add_api_route(
+    @router.get(
         f"/collections/{collection.id}/items/{{item_id}}",
-        item,
         name=f"item_of_{collection.id}",
         summary=f"One item of {collection.id}",
         response_class=Response,
         responses=pages.described("The item.", {GEO_JSON: FEATURE_EXAMPLE}, *_PROBLEMS, 404),
         openapi_extra={"parameters": item_parameters_of_one(collection)},
     )
+    def item(item_id: ItemId, request: Request, service: ServiceDep, base: BaseUrl) -> Response:
+        """The item with the slope that all its drives together give; `gaps` as for many items."""
+        return item_answer(request, service, base, collection, item_id)
 
 
 for _collection in COLLECTIONS.values():

@@ -114,13 +114,11 @@ def _up_to(session: Session, request: ItemRequest) -> tuple[int | None, ItemRequ
     if since is None:
         return None, request
     until_xid = request.until_xid if request.until_xid is not None else state(session).horizon
-    values = {
-        "since_xid": None
-        if since.version is None
-        else parse_version(session, since.version, field="updated_since"),
-        "since_time": since.time,
-        "until_xid": until_xid,
-    }
+    values: dict[str, Any] = {"since_xid": None, "since_time": None, "until_xid": until_xid}
+    if isinstance(since, str):
+        values["since_xid"] = parse_version(session, since, field="updated_since")
+    else:
+        values["since_time"] = since
     changed = changed_since_sql(request.collection.key.partition(".")[0])
     condition = Condition(psycopg_sql(changed), values)
     return until_xid, replace(request, conditions=(*request.conditions, condition))

@@ -78,16 +78,9 @@ def map_of_store(
         raise slope_map.MapError(
             "There is no road in that box. Import the roads there, or name another --bbox."
         )
-    segments = list(all_segments(session, box, driven=driven, gaps=gaps))
-    write_map(
-        path,
-        slope_map.stored_segments(segments),
-        title="Road slopes",
-        credit=source,
-        scale_percent=scale,
-        box_deg=box,
-        notes=notes,
-    )
+    segments = list(all_segments(session, box, driven=driven or None, gaps=gaps))
+    drawn, title = slope_map.stored_segments(segments), "Road slopes"
+    write_map(path, drawn, title=title, credit=source, scale_percent=scale, box_deg=box, notes=notes)
     return len(segments), notes
 
 

@@ -6,8 +6,10 @@ the map's scale turns into paper. Importing this imports matplotlib: import it w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from functools import cache
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -131,19 +133,16 @@ def place_names(
     for text, rows in _longest(lines_m, names, measured, frame_m):
         half = 0.5 * np.array([length_m(text), height_m])
         points, directions = points_along(lines_m[rows], height_m)
-        best: tuple[float, _Box] | None = None
-        for box in _candidates(points, directions, half):
-            if not _inside(box, frame_m) or any(_overlap(box, other) for other in taken):
-                continue
-            crossed = float(box.holds(roads).sum()) * height_m / (2 * half[0])
-            if crossed <= CROSSED_SHARE and (best is None or crossed < best[0]):
-                best = crossed, box
-        if best is not None:
-            taken.append(best[1])
-            middle, along = best[1].middle, best[1].along
-            out.append(
-                StreetName(text, float(middle[0]), float(middle[1]), float(np.arctan2(along[1], along[0])))
-            )
+        free = (
+            (float(box.holds(roads).sum()) * height_m / (2 * half[0]), box)
+            for box in _candidates(points, directions, half)
+            if _inside(box, frame_m) and not any(_overlap(box, other) for other in taken)
+        )
+        crossed, box = min(free, key=itemgetter(0), default=(math.inf, None))
+        if box is not None and crossed <= CROSSED_SHARE:
+            taken.append(box)
+            (x, y), along = box.middle.tolist(), box.along
+            out.append(StreetName(text, x, y, float(np.arctan2(along[1], along[0]))))
     return out
 
 

@@ -49,12 +49,10 @@ class MapError(FusionError):
 
 @dataclass(frozen=True)
 class MapSegments:
-    """What the map draws, n segments: ends in degrees, slope and sigma in percent (NaN where unknown)."""
+    """What the map draws, n segments: slope and sigma in percent (NaN where unknown)."""
 
-    lon0_deg: Floats
-    lat0_deg: Floats
-    lon1_deg: Floats
-    lat1_deg: Floats
+    ends_deg: Floats
+    """Longitude and latitude of both ends, (n, 2, 2)."""
     slope_percent: Floats
     slope_sigma_percent: Floats
     bridge: NDArray[np.bool_]
@@ -63,7 +61,7 @@ class MapSegments:
     """Of the street, ``str`` or None."""
 
     def __len__(self) -> int:
-        return len(self.lon0_deg)
+        return len(self.ends_deg)
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -73,16 +71,9 @@ class MapSegments:
     def within(self, box_deg: Bounds) -> MapSegments:
         """Those whose bounding box meets the given one."""
         west, south, east, north = box_deg
-        meets = (
-            (np.minimum(self.lon0_deg, self.lon1_deg) <= east)
-            & (np.maximum(self.lon0_deg, self.lon1_deg) >= west)
-            & (np.minimum(self.lat0_deg, self.lat1_deg) <= north)
-            & (np.maximum(self.lat0_deg, self.lat1_deg) >= south)
-        )
+        low, high = self.ends_deg.min(axis=1), self.ends_deg.max(axis=1)
+        meets = np.all((low <= (east, north)) & (high >= (west, south)), axis=1)
         return replace(self, **{spec.name: getattr(self, spec.name)[meets] for spec in fields(self)})
-
-
-_OF_ROADS = ("lon0_deg", "lat0_deg", "lon1_deg", "lat1_deg", "bridge", "tunnel", "name")
 
 
 def picture_format(path: Path) -> str:
@@ -99,21 +90,20 @@ def map_segments(roads: RoadTable, segments: Iterable[Segment]) -> MapSegments:
     keys = zip(roads.osm_way_id.tolist(), roads.from_node.tolist(), roads.to_node.tolist(), strict=True)
     rows = [known.get(key) for key in keys]
     return MapSegments(
-        slope_percent=_column(None if s is None else s.slope_percent for s in rows),
-        slope_sigma_percent=_column(None if s is None else s.slope_sigma_percent for s in rows),
-        **{name: getattr(roads, name) for name in _OF_ROADS},
+        np.column_stack([roads.lon0_deg, roads.lat0_deg, roads.lon1_deg, roads.lat1_deg]).reshape(-1, 2, 2),
+        _column(None if s is None else s.slope_percent for s in rows),
+        _column(None if s is None else s.slope_sigma_percent for s in rows),
+        roads.bridge,
+        roads.tunnel,
+        roads.name,
     )
 
 
 def stored_segments(segments: Iterable[Segment]) -> MapSegments:
     """The same of segments that bring their own line, of which the ends count."""
     rows = list(segments)
-    ends = np.array([(*s.coordinates[0], *s.coordinates[-1]) for s in rows], float).reshape(-1, 4)
     return MapSegments(
-        ends[:, 0],
-        ends[:, 1],
-        ends[:, 2],
-        ends[:, 3],
+        np.array([(s.coordinates[0], s.coordinates[-1]) for s in rows], float).reshape(-1, 2, 2),
         _column(s.slope_percent for s in rows),
         _column(s.slope_sigma_percent for s in rows),
         np.array([s.bridge for s in rows], np.bool_),
@@ -131,7 +121,12 @@ def extent_of(segments: Iterable[Segment]) -> Bounds:
     corners = np.array([p for s in segments for p in s.coordinates], float).reshape(-1, 2)
     if not len(corners):
         raise MapError("No road has a slope there, so there is no map to draw.")
-    (west, south), (east, north) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    return box_of(corners)
+
+
+def box_of(places_deg: Floats) -> Bounds:
+    """West, south, east, north of places (n, 2), at least one."""
+    (west, south), (east, north) = places_deg.min(axis=0).tolist(), places_deg.max(axis=0).tolist()
     return west, south, east, north
 
 

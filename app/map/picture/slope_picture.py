@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -21,9 +21,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from app.core.text import whole_file
-from app.map.picture import key
+from app.map.picture import key, slope_map
 from app.map.picture.lettering import is_writable, place_names, points_along, width_pt, wrapped
-from app.map.picture.slope_map import SURE_WIDTH_PT, MapError, MapSegments, frame_around, picture_format
+from app.map.picture.slope_map import MapError, MapSegments
 from app.map.segment import OSM_ATTRIBUTION
 from fusion.frames import LocalProjection
 from fusion.types import Floats
@@ -53,25 +53,20 @@ def write_map(
 ) -> None:
     """Write the map to ``path``, complete or not at all, as its suffix says; see ``slope_figure``.
 
+    What it is and whose data it shows is among its metadata.
     Raises ``UnknownNameError`` for an unknown suffix, ``MapError`` where there is nothing to draw, and ``OSError``.
     """
-    picture_format(path)
+    kind = slope_map.picture_format(path)
     figure = slope_figure(
         segments, title=title, credit=credit, scale_percent=scale_percent, box_deg=box_deg, notes=notes
     )
-    with whole_file(path) as partial:
-        save_figure(figure, partial, picture_format(path), title, credit)
-
-
-def save_figure(figure: Figure, out: Path | BinaryIO, kind: str, title: str, credit: str) -> None:
-    """Write a figure as png, pdf or svg, with what it is and whose data it shows among its metadata."""
     metadata = {
         "png": {"Software": "Versant", "Title": title, "Copyright": credit},
         "pdf": {"Creator": "Versant", "Title": title, "Subject": credit},
         "svg": {"Creator": "Versant", "Title": title, "Rights": credit},
     }[kind]
-    with mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "versant"}):
-        figure.savefig(out, format=kind, metadata=metadata)
+    with whole_file(path) as partial, mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "versant"}):
+        figure.savefig(partial, format=kind, metadata=metadata)
 
 
 def slope_figure(
@@ -137,24 +132,16 @@ class _Page(NamedTuple):
 
 
 def _view(segments: MapSegments, box_deg: Bounds | None) -> _View:
-    box = box_deg or frame_around(_extent(segments))
+    shown = segments.known | ~segments.known.any()
+    box = box_deg or slope_map.frame_around(slope_map.box_of(segments.ends_deg[shown].reshape(-1, 2)))
     west, south, east, north = box
     plane = LocalProjection.around(np.array([west, east]), np.array([south, north]))
     middle = (west + east) / 2, (south + north) / 2
     (left, right), _ = plane.to_xy(np.array([west, east]), np.full(2, middle[1]))
     _, (bottom, top) = plane.to_xy(np.full(2, middle[0]), np.array([south, north]))
     near = segments.within(box)
-    lon = np.column_stack([near.lon0_deg, near.lon1_deg])
-    lat = np.column_stack([near.lat0_deg, near.lat1_deg])
-    x, y = plane.to_xy(lon, lat)
+    x, y = plane.to_xy(near.ends_deg[..., 0], near.ends_deg[..., 1])
     return _View(near, np.stack([x, y], axis=-1), (float(left), float(bottom), float(right), float(top)))
-
-
-def _extent(segments: MapSegments) -> Bounds:
-    shown = segments.known if segments.known.any() else np.ones(len(segments), np.bool_)
-    lon = np.concatenate([segments.lon0_deg[shown], segments.lon1_deg[shown]])
-    lat = np.concatenate([segments.lat0_deg[shown], segments.lat1_deg[shown]])
-    return float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
 
 
 def _page(view: _View, title: str, credit: str, notes: Sequence[str]) -> _Page:
@@ -170,7 +157,7 @@ def _thinner(view: _View) -> float:
     lines = view.lines[view.segments.known] / view.metres_per_inch
     points, _ = points_along(lines, CELL_IN / 4)
     cells = len(np.unique(np.floor(points / CELL_IN), axis=0))
-    covered = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()) * SURE_WIDTH_PT / 72
+    covered = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()) * slope_map.SURE_WIDTH_PT / 72
     share = covered / max(cells * CELL_IN**2, 1e-9)
     return float(np.clip(DENSE_SHARE / max(share, 1e-9), LEAST_THICKNESS, 1.0))
 

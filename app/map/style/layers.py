@@ -95,15 +95,8 @@ def layers(theme: Theme, scale: ColourScale, shown: Shown, drawn: str = LAYER) -
 
 def _line(name: str, conditions: list[Expression], paint: dict[str, Any], **more: Any) -> dict[str, Any]:
     layout = {"line-cap": CAPS, "line-join": "round"} | more.pop("layout", {})
-    return {
-        "id": name,
-        "type": "line",
-        "source": SOURCE,
-        **more,
-        "filter": ["all", *conditions],
-        "layout": layout,
-        "paint": paint,
-    }
+    drawn = {"filter": ["all", *conditions], "layout": layout, "paint": paint}
+    return {"id": name, "type": "line", "source": SOURCE, **more, **drawn}
 
 
 def _unknown(theme: Theme, shown: Shown, kind: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
@@ -168,31 +168,18 @@ def first_of_range(text: str) -> int:
     )
 
 
-_made: dict[tuple[tuple[str, ...], int], bytes] = {}
-_making = Lock()
+_drawing = Lock()
 
 
+@lru_cache(maxsize=MOST_KEPT)
 def glyphs(fonts: tuple[str, ...], first: int) -> bytes:
-    """The message of characters ``first`` to ``first`` + 255; those that no font has are not in it.
-
-    Kept once made. Fonts have few characters beside those that there are, so that what is kept stays small.
-    """
-    message = _made.get((fonts, first))
-    if message is None:
-        with _making:  # one at a time: who asks for the same meanwhile gets what the first one made
-            message = _made.get((fonts, first)) or _message(fonts, first)
-            if len(_made) < MOST_KEPT:
-                _made[fonts, first] = message
-    return message
-
-
-def _message(fonts: tuple[str, ...], first: int) -> bytes:
-    opened = [_font(FONTS[name]) for name in fonts]
+    """The message of characters ``first`` to ``first`` + 255; those that no font has are not in it."""
     drawn = []
-    for character in range(first, first + PER_RANGE):
-        font = next((one for one in opened if character in one.names), None)
-        if font is not None:
-            drawn.append(_tagged(3, font.glyph(character)))
+    with _drawing:  # who asks for the same meanwhile gets the letters that the first one drew
+        for character in range(first, first + PER_RANGE):
+            font = next((FONTS[name] for name in fonts if character in _font(FONTS[name]).names), None)
+            if font is not None:
+                drawn.append(_tagged(3, _glyph(font, character)))
     name = _tagged(1, ",".join(fonts).encode())
     span = _tagged(2, f"{first}-{first + PER_RANGE - 1}".encode())
     return _tagged(1, b"".join((name, span, *drawn)))
@@ -204,35 +191,32 @@ class _Font:
     def __init__(self, path: Path) -> None:
         font = TTFont(path, lazy=True)
         self.names: dict[int, str] = font.getBestCmap()
-        self._outlines = font.getGlyphSet()
-        self._scale = EM_PX / font["head"].unitsPerEm
-        self._drawn: dict[int, bytes] = {}
-
-    def glyph(self, character: int) -> bytes:
-        """The message of one letter; one without ink, such as a space, has no picture. Drawn once."""
-        if character not in self._drawn:
-            self._drawn[character] = self._draw(character)
-        return self._drawn[character]
-
-    def _draw(self, character: int) -> bytes:
-        name = self.names[character]
-        pen = _Lines(self._outlines, self._scale)
-        self._outlines[name].draw(pen)
-        advance = max(round(self._outlines[name].width * self._scale), 0)
-        if not pen.contours:
-            return _letter(character, b"", 0, 0, 0, 0, advance)
-        contours = [np.array(line) for line in pen.contours]
-        least, most = np.vstack(contours).min(axis=0), np.vstack(contours).max(axis=0)
-        left, bottom = (int(v) for v in np.floor(least))
-        right, top = (int(v) for v in np.ceil(most))
-        width, height = right - left, top - bottom
-        picture = distance_field(
-            contours, left - BORDER_PX, top + BORDER_PX, width + 2 * BORDER_PX, height + 2 * BORDER_PX
-        )
-        return _letter(character, picture.tobytes(), width, height, left, top - BASELINE_PX, advance)
+        self.outlines = font.getGlyphSet()
+        self.scale = EM_PX / font["head"].unitsPerEm
 
 
-@lru_cache
+@cache
+def _glyph(file: str, character: int) -> bytes:
+    """The message of one letter that a font has; one without ink, such as a space, has no picture."""
+    font = _font(file)
+    name = font.names[character]
+    pen = _Lines(font.outlines, font.scale)
+    font.outlines[name].draw(pen)
+    advance = max(round(font.outlines[name].width * font.scale), 0)
+    if not pen.contours:
+        return _letter(character, b"", 0, 0, 0, 0, advance)
+    contours = [np.array(line) for line in pen.contours]
+    least, most = np.vstack(contours).min(axis=0), np.vstack(contours).max(axis=0)
+    left, bottom = (int(v) for v in np.floor(least))
+    right, top = (int(v) for v in np.ceil(most))
+    width, height = right - left, top - bottom
+    picture = distance_field(
+        contours, left - BORDER_PX, top + BORDER_PX, width + 2 * BORDER_PX, height + 2 * BORDER_PX
+    )
+    return _letter(character, picture.tobytes(), width, height, left, top - BASELINE_PX, advance)
+
+
+@cache
 def _font(file: str) -> _Font:
     package = find_spec("matplotlib")  # where it is, without loading it
     assert package is not None  # noqa: S101 - the package depends on it

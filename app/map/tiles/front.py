@@ -16,8 +16,8 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Awaitable, Callable, Coroutine, Iterable
-from dataclasses import dataclass
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import psycopg
@@ -73,13 +73,6 @@ class Answer(NamedTuple):
     body: bytes
 
 
-@dataclass(frozen=True)
-class _Route:
-    """What log and metrics call the way that a request took."""
-
-    path: str
-
-
 class TileFront:
     """Answers requests for vector tiles and passes on all others."""
 
@@ -93,7 +86,7 @@ class TileFront:
         if path is None:
             await self.app(scope, receive, send)
             return
-        scope["route"] = _Route(path.route)
+        scope["route"] = SimpleNamespace(path=path.route)  # log and metrics name a request by it
         scope["path_params"] = {"z": path.at.z, "x": path.at.x, "y": path.at.y}
         tiles: Tiles = scope["app"].state.tiles
         try:

@@ -158,11 +158,8 @@ def tile_json(service: ServiceDep, base: BaseUrl) -> dict[str, Any]:
     return documents.tilejson(service, base, SEGMENTS)
 
 
-TILES_CONFORMANCE = tuple(
-    f"http://www.opengis.net/spec/ogcapi-tiles-1/1.0/conf/{name}"
-    for name in ("core", "tileset", "tilesets-list", "dataset-tilesets", "geodata-tilesets", "mvt")
-)
-"""What holds of the routes here. ``oas30`` is of the document of all routes."""
+TILES_CLASSES = ("core", "tileset", "tilesets-list", "dataset-tilesets", "geodata-tilesets", "mvt")
+"""The conformance classes of OGC API Tiles that hold of the routes here. ``oas30`` is of the document of all routes."""
 
 FormatQuery = Annotated[str | None, Query(description="`json`.")]
 TilesetFormat = Annotated[str | None, Query(description="`json`, or `tilejson` for TileJSON 3.")]
@@ -204,11 +201,8 @@ def matrix_sets(request: Request, base: BaseUrl, f: FormatQuery = None) -> dict[
     """There is one: that of all maps on the web."""
     _only(request, f, ("json",))
     links = link_documents([link(f"{base}/tileMatrixSets/{QUAD}", "self", title="Its definition")])
-    return {
-        "tileMatrixSets": [
-            {"id": QUAD, "title": documents.QUAD_TITLE, "uri": documents.QUAD_URI, "links": links}
-        ]
-    }
+    one = {"id": QUAD, "title": documents.QUAD_TITLE, "uri": documents.QUAD_URI, "links": links}
+    return {"tileMatrixSets": [one]}
 
 
 @ogc_router.get(

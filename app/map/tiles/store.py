@@ -20,7 +20,6 @@ from app.map.tiles.connections import Connection
 
 SEGMENTS, WAYS = "segments", "ways"
 """The layers. A tile has one."""
-LAYER = SEGMENTS
 EXTENT = 4096
 """Units across a vector tile."""
 BUFFER = 64
@@ -263,7 +262,9 @@ async def clean(connection: Connection, most_bytes: int) -> int:
     return cursor.rowcount
 
 
-def mvt(session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM, layer: str = LAYER) -> bytes:
+def mvt(
+    session: Session, z: int, x: int, y: int, *, full_zoom: int = FULL_ZOOM, layer: str = SEGMENTS
+) -> bytes:
     """The Mapbox vector tile as the database makes it now, not compressed; empty without any road.
 
     0 <= x, y < 2**z is the caller's to check. Properties: ``slope_percent``, ``slope_sigma_percent`` (both

@@ -226,11 +226,7 @@ class Tiles:
         async with nullcontext() if is_admitted else self._classes[class_of_tile(at.z)].place():
             body = await self._builders.run(lambda connection: self._fetch(connection, at, etag))
         if at.layer == WAYS:
-            return (
-                Tile(f'W/"{md5(body, usedforsecurity=False).hexdigest()}"', body)
-                if body
-                else Tile(NOTHING, b"")
-            )
+            return Tile(f'W/"{md5(body, usedforsecurity=False).hexdigest()}"' if body else NOTHING, body)
         tile = Tile(etag, body)
         self._memory.put(at, tile)
         return tile

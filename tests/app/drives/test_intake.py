@@ -199,7 +199,7 @@ def test_roads_and_elevation_in_either_order(sessions: Sessions, town: Town, tmp
 
     def stored() -> dict[tuple[int, int, int], float | None]:
         with sessions() as session:
-            rows = slopes.segment_items(session, limit=10_000)
+            rows = list(slopes.all_segments(session))
         return {(row.osm_way_id, row.from_node, row.to_node): row.dem_slope_percent for row in rows}
 
     import_roads()

@@ -54,7 +54,7 @@ def test_the_service_stores_the_numbers_of_the_library(
         }
         track = tracks.read_track(session, drive.id)
         measured = tracks.read_measurements(session, drive.id)
-        segment_of = {row.id: row for row in slopes.segment_items(session, limit=10_000)}
+        segment_of = {row.id: row for row in slopes.all_segments(session)}
     table = network.table
     assert len(stored) == len(result.slopes) > 5
     for estimate in result.slopes:
@@ -94,7 +94,7 @@ def test_a_done_drive_says_what_was_done(context: JobContext, send: Send, files:
     assert done.report["method"] == "raw"
     assert {"code_version", "road_version", "dem_version", "matched_share", "warnings"} <= set(done.report)
     with context.sessions() as session:
-        (first, *_) = slopes.segment_items(session, driven=True)
+        (first, *_) = slopes.all_segments(session, driven=True)
         (behind,) = slopes.segment_observations(session, first.id)
     assert behind.method == "raw"
     assert set(behind.options) == set(METHODS["raw"].options_model.model_fields) - {"columns"}
@@ -153,7 +153,7 @@ def test_drives_combine(context: JobContext, send: Send) -> None:
         assert process_drive(context, send(seed, method).id, 1) is Outcome.DONE
     with context.sessions() as session:
         shared = 0
-        for row in slopes.segment_items(session, driven=True, limit=10_000):
+        for row in slopes.all_segments(session, driven=True):
             behind = slopes.segment_observations(session, row.id)
             whole = combine(
                 np.array([b.slope_percent for b in behind]),

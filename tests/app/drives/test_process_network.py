@@ -60,7 +60,7 @@ def served(context: JobContext) -> dict[Key, tuple[float, float, int, int]]:
             (row.osm_way_id, row.from_node, row.to_node): (
                 row.slope_percent, row.slope_sigma_percent or 0, row.drives, row.observations
             )
-            for row in segments.segment_items(session, limit=10_000, gaps=True)
+            for row in segments.all_segments(session, gaps=True)
             if row.slope_percent is not None
         }  # fmt: skip
 

@@ -176,7 +176,7 @@ def test_a_deleted_drive_leaves_no_trace(
         assert (after.slope_percent, after.slope_sigma_percent, after.drives) == (
             before.slope_percent, before.slope_sigma_percent, 1
         )  # fmt: skip
-        assert map_store.segment_items(session, driven=True) == [after]
+        assert list(map_store.all_segments(session, driven=True)) == [after]
         assert cells.data_version(session) > version
         for table in ("drive_segments", "provenances"):
             owners = session.execute(text(f"SELECT DISTINCT drive_id FROM {table}")).scalars().all()

@@ -22,12 +22,11 @@ from typer.testing import CliRunner
 
 from app.cli import app
 from app.core import databases
-from app.core.db import Sessions, make_engine, session_factory
+from app.core.db import Sessions, make_engine, session_factory, snapshot
 from app.core.settings import Settings
 from app.embedded.cluster import EmbeddedPostgres
 from app.exports.formats import FORMATS, SEGMENT_FORMATS, format_for
 from app.exports.making import Made, make_file, request_of
-from app.exports.source import snapshot
 from app.map.tiles.store import mvt
 from app.roads.imports import import_roads
 from drawn_support import draw

@@ -43,7 +43,7 @@ def read(tmp_path: Path) -> Callable[..., object]:
     def decode(data: bytes, z: int, x: int, y: int):  # type: ignore[no-untyped-def]
         path = tmp_path / f"{uuid.uuid4()}.mvt"
         path.write_bytes(data)
-        assert [name for name, _ in pyogrio.list_layers(path)] == [tiles.LAYER]
+        assert [name for name, _ in pyogrio.list_layers(path)] == [tiles.SEGMENTS]
         return pyogrio.read_dataframe(path, Z=str(z), X=str(x), Y=str(y), CLIP="NO")
 
     return decode
@@ -110,7 +110,7 @@ def test_a_line_just_outside_is_in_the_buffer(
     with sessions.begin() as session:
         roads.replace_roads(session, table, "x", "0" * 64)
         frame = read(tiles.mvt(session, z, x, y), z, x, y)
-        near = store.segment_items(session)[0]
+        near = next(store.all_segments(session))
         assert store.geojson_tile(session, z, x, y) == []
     assert frame.mvt_id.tolist() == [near.id]  # type: ignore[attr-defined]
 
@@ -127,7 +127,7 @@ def test_the_geojson_tiles_of_a_row_hold_every_segment_whole(sessions: Sessions,
     assert last > first
     with sessions() as session:
         found = {x: store.geojson_tile(session, z, x, y) for x in range(first, last + 1)}
-        every = {row.id: row for row in store.segment_items(session)}
+        every = {row.id: row for row in store.all_segments(session)}
     assert {row.id for rows in found.values() for row in rows} == set(every)
     for x, rows in found.items():
         for row in rows:

@@ -122,21 +122,20 @@ def test_many_drives_at_once_end_in_the_right_aggregates(
     assert aggregates(sessions) == from_scratch(segment_ids, [wanted[k] for k in stored])
 
 
-def test_items_reach_every_segment_once(sessions: Sessions, segment_ids: Ints) -> None:
-    seen: list[int] = []
+def test_all_segments_are_every_segment_once(
+    sessions: Sessions, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(map_store, "PAGE", 3)
     with sessions() as session:
-        while page := map_store.segment_items(session, after_id=seen[-1] if seen else 0, limit=3):
-            assert len(page) <= 3
-            seen += [row.id for row in page]
-    assert seen == sorted(segment_ids.tolist())
+        assert [row.id for row in map_store.all_segments(session)] == sorted(segment_ids.tolist())
 
 
 def test_items_within_a_box(sessions: Sessions, segment_ids: Ints) -> None:
     with sessions() as session:
-        found = map_store.segment_items(session, bbox=(8.5025, 48.9, 8.5045, 49.1))
+        found = list(map_store.all_segments(session, bbox=(8.5025, 48.9, 8.5045, 49.1)))
         assert [row.id for row in found] == segment_ids[2:5].tolist()
         assert map_store.count_segments(session, bbox=(8.5025, 48.9, 8.5045, 49.1)) == 3
-        assert map_store.segment_items(session, bbox=(8.5025, 49.0001, 8.5045, 49.1)) == []
+        assert list(map_store.all_segments(session, bbox=(8.5025, 49.0001, 8.5045, 49.1))) == []
 
 
 def test_a_diagonal_segment_is_outside_a_box_that_it_passes_by(
@@ -145,8 +144,8 @@ def test_a_diagonal_segment_is_outside_a_box_that_it_passes_by(
     table = chain(1, lon0_deg=[8.0], lat0_deg=[48.0], lon1_deg=[8.1], lat1_deg=[48.1])
     with sessions.begin() as session:
         roads.replace_roads(session, table, "x", "0" * 64)
-        assert map_store.segment_items(session, bbox=(8.06, 48.0, 8.1, 48.04)) == []
-        assert len(map_store.segment_items(session, bbox=(8.04, 48.0, 8.1, 48.06))) == 1
+        assert list(map_store.all_segments(session, bbox=(8.06, 48.0, 8.1, 48.04))) == []
+        assert len(list(map_store.all_segments(session, bbox=(8.04, 48.0, 8.1, 48.06)))) == 1
 
 
 def test_a_box_across_the_antimeridian(sessions: Sessions, chain: Callable[..., RoadTable]) -> None:
@@ -159,15 +158,15 @@ def test_a_box_across_the_antimeridian(sessions: Sessions, chain: Callable[..., 
     )
     with sessions.begin() as session:
         roads.replace_roads(session, table, "x", "0" * 64)
-        found = map_store.segment_items(session, bbox=(179.0, -18.0, -179.0, -16.0))
+        found = list(map_store.all_segments(session, bbox=(179.0, -18.0, -179.0, -16.0)))
     assert [row.from_node for row in found] == [100, 101]
 
 
 def test_driven_and_undriven(sessions: Sessions, segment_ids: Ints, add_drive: AddDrive) -> None:
     add_drive(segment_ids, {4: (-3.0, 0.5)})
     with sessions() as session:
-        (driven,) = map_store.segment_items(session, driven=True)
-        undriven = map_store.segment_items(session, driven=False)
+        (driven,) = map_store.all_segments(session, driven=True)
+        undriven = list(map_store.all_segments(session, driven=False))
         assert map_store.get_segment(session, driven.id) == driven
         assert map_store.get_segment(session, 0) is None
         assert map_store.count_segments(session) == map_store.count_segments(session, driven=False) + 1

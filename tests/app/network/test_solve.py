@@ -60,10 +60,10 @@ def test_gaps_are_shown_to_who_asks_for_them(
     drive_over(sessions, chain(), segment_ids, dict.fromkeys((0, 1, 3), (2.0, 0.5)))
     gap = int(segment_ids[2])
     with sessions() as session:
-        hidden = {row.id: row for row in segments.segment_items(session)}
-        shown = {row.id: row for row in segments.segment_items(session, gaps=True)}
-        driven = segments.segment_items(session, driven=True, gaps=True)
-        undriven = segments.segment_items(session, driven=False, gaps=True)
+        hidden = {row.id: row for row in segments.all_segments(session)}
+        shown = {row.id: row for row in segments.all_segments(session, gaps=True)}
+        driven = list(segments.all_segments(session, driven=True, gaps=True))
+        undriven = list(segments.all_segments(session, driven=False, gaps=True))
         assert segments.count_segments(session, driven=True) == len(driven) == 3
         assert segments.get_segment(session, gap) == hidden[gap]
     assert (hidden[gap].slope_percent, hidden[gap].updated_at) == (None, None)

@@ -101,7 +101,7 @@ def test_a_reimport_keeps_what_is_unchanged(
 
     with sessions() as session:
         table, ids = extracts.all_roads(session)
-        rows = {row.id: row for row in map_store.segment_items(session)}
+        rows = {row.id: row for row in map_store.all_segments(session)}
         version = road_store.current_road_version(session)
     assert_equal(table, both)
     assert ids[:9].tolist() == segment_ids[1:].tolist()
@@ -141,11 +141,11 @@ def test_an_import_that_fails_changes_nothing(sessions: Sessions, chain: Chain, 
             raise RuntimeError("stop")
 
     with sessions() as session:
-        before = map_store.segment_items(session), cells.data_version(session)
+        before = list(map_store.all_segments(session)), cells.data_version(session)
     with pytest.raises(RuntimeError, match="stop"), sessions.begin() as session:
         roads.replace_roads(session, chain(3, lat=48.0), "x", "b" * 64, fail)
     with sessions() as session:
-        assert (map_store.segment_items(session), cells.data_version(session)) == before
+        assert (list(map_store.all_segments(session)), cells.data_version(session)) == before
 
 
 def test_an_import_raises_the_version_if_anything_changed(
@@ -183,7 +183,7 @@ def test_the_slope_of_the_elevation_model_is_stored(sessions: Sessions, chain: C
         with sessions.begin() as session:
             counts = roads.replace_roads(session, table, "x", "c" * 64, dem_slope_percent=np.array(slope))
         with sessions() as session:
-            stored = [row.dem_slope_percent for row in map_store.segment_items(session)]
+            stored = [row.dem_slope_percent for row in map_store.all_segments(session)]
         assert stored == [None if np.isnan(v) else v for v in slope]
     assert counts == ImportCounts("roads", kept=4)
 

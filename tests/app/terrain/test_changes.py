@@ -54,7 +54,7 @@ def grades(sessions: Sessions, table: RoadTable) -> list[float | None]:
     """Of each segment the rise of the elevation model over a post's width, m: ``plane``'s ``rise_m``."""
     over_post_m = 100 / (POST_DEG / 0.001 * float(table.length_m[0]))
     with sessions() as session:
-        slopes = [row.dem_slope_percent for row in map_store.segment_items(session)]
+        slopes = [row.dem_slope_percent for row in map_store.all_segments(session)]
     return [None if slope is None else round(slope / over_post_m, 2) for slope in slopes]
 
 

@@ -44,7 +44,7 @@ def add(sessions: Sessions, paths: list[Path], folder: Path, *, trusted: bool = 
 
 def stored_slopes(sessions: Sessions) -> list[float | None]:
     with sessions() as session:
-        return [row.dem_slope_percent for row in map_store.segment_items(session)]
+        return [row.dem_slope_percent for row in map_store.all_segments(session)]
 
 
 @pytest.fixture

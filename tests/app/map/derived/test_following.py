@@ -17,6 +17,7 @@ from app.map.derived import following
 from app.map.derived.chains import Course
 from app.map.derived.drawing import LEVELS, Stretches, children, pieces_of
 from app.map.derived.drawn_store import replace_pieces
+from app.network import locks
 from app.ops import store as figures
 from derived_support import add_segment, derived, execute, from_scratch, ids_of, measure
 from fusion.types import Ints
@@ -119,7 +120,7 @@ def test_changes_wait_for_those_that_may_still_come_before_them(
 
 def test_one_at_a_time(followed: Sessions, segment_ids: Ints) -> None:
     measure(followed, int(segment_ids[0]), 1.0)
-    with following.deriving_alone(followed) as alone:
+    with locks.deriving_alone(followed) as alone:
         assert alone
         assert not following.follow(followed)
         assert value(followed, "SELECT count(slope_percent) FROM ways") == 0

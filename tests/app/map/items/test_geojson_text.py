@@ -25,7 +25,7 @@ from items_support import Items, N
 def test_every_feature_is_what_the_record_writes(items: Items, gaps: str) -> None:
     found = [json.loads(text) for text in items.page(limit="1000", gaps=gaps).features]
     with items.sessions() as session:
-        expected = [row.geojson() for row in segments.segment_items(session, limit=1000, gaps=gaps == "true")]
+        expected = [row.geojson() for row in segments.all_segments(session, gaps=gaps == "true")]
     assert len(found) == N
     assert found == expected
     assert [list(feature["properties"]) for feature in found] == [list(PROPERTIES)] * N

@@ -53,7 +53,8 @@ def test_roads_take_the_slope_of_their_feature_and_the_others_are_unknown(roads:
     np.testing.assert_array_equal(drawn.slope_sigma_percent, [np.nan, np.nan, 0.5])
     assert drawn.known.tolist() == [False, False, True]
     assert drawn.bridge.tolist() == [False, True, False]
-    np.testing.assert_array_equal(drawn.lon1_deg, roads.lon1_deg)
+    begins, ends = (roads.lon0_deg, roads.lat0_deg), (roads.lon1_deg, roads.lat1_deg)
+    np.testing.assert_array_equal(drawn.ends_deg, np.transpose([begins, ends], (2, 0, 1)))
 
 
 @given(st.lists(st.floats(0.001, 100) | st.just(float("nan")), min_size=2, max_size=20))

@@ -20,7 +20,7 @@ from app.map.picture.slope_picture import MAP_IN, slope_figure
 from app.map.segment import OSM_ATTRIBUTION, attribution
 from app.map.style.scale import UNKNOWN_COLOUR
 from fusion.types import Floats
-from map_support import LAT, LON, street
+from map_support import LAT, LON, lines, street
 
 UNKNOWN = float("nan")
 AROUND = (LON - 1e-3, LAT - 1e-3, LON + 3e-3, LAT + 3e-3)
@@ -146,13 +146,8 @@ def test_whatever_the_shape_nothing_is_cut_and_nothing_overlaps(shape: str) -> N
     east, north = SHAPES[shape]
     one = street(np.array([4.0, -2.0, 1.0, UNKNOWN, 3.0]), np.full(5, 0.5))
     along = np.linspace(0, 1, 6)
-    stretched = replace(
-        one,
-        lon0_deg=LON + east * along[:-1],
-        lat0_deg=LAT + north * along[:-1],
-        lon1_deg=LON + east * along[1:],
-        lat1_deg=LAT + north * along[1:],
-    )
+    lon, lat = LON + east * along, LAT + north * along
+    stretched = replace(one, ends_deg=lines(lon[:-1], lat[:-1], lon[1:], lat[1:]))
     credit = attribution([f"a_raster_with_quite_a_long_name_{k}.tif" for k in range(9)])
     figure = slope_figure(
         stretched, title="Slopes from " + 12 * "a_long_name_", credit=credit, notes=["Note."]
@@ -184,13 +179,8 @@ def test_whatever_the_shape_nothing_is_cut_and_nothing_overlaps(shape: str) -> N
 
 def test_roads_end_at_the_frame_and_those_outside_are_not_in_the_file() -> None:
     measured = street(np.array([4.0, UNKNOWN, UNKNOWN]), np.array([0.5, UNKNOWN, UNKNOWN]))
-    far = replace(
-        measured,
-        lat0_deg=np.full(3, LAT),
-        lat1_deg=np.full(3, LAT),
-        lon0_deg=np.array([LON, LON - 1, LON + 0.5]),
-        lon1_deg=np.array([LON + 1e-3, LON + 1, LON + 0.6]),
-    )
+    begins, ends = np.array([LON, LON - 1, LON + 0.5]), np.array([LON + 1e-3, LON + 1, LON + 0.6])
+    far = replace(measured, ends_deg=lines(begins, LAT, ends, LAT))
     figure = slope_figure(far)
     left, right = figure.axes[0].get_xlim()
     assert 70 < right - left < 200, "some land around the measured road"
@@ -241,7 +231,9 @@ def test_what_is_uncertain_is_explained() -> None:
 def test_lines_are_thinner_where_streets_are_crowded_and_only_there() -> None:
     def sample_widths(count: int, rows: float) -> list[float]:
         lat = LAT + rows * np.arange(count)
-        sure = replace(street(np.full(count, 2.0), np.full(count, 0.2)), lat0_deg=lat, lat1_deg=lat)
+        sure = replace(
+            street(np.full(count, 2.0), np.full(count, 0.2)), ends_deg=lines(LON, lat, LON + 1.3e-3, lat)
+        )
         figure = slope_figure(sure)
         keyed = [
             a.get_linewidth() for a in figure.artists if isinstance(a, Line2D) and a.get_color() == "#777777"
@@ -273,8 +265,7 @@ def test_names_of_measured_streets_are_written_and_nothing_the_font_lacks() -> N
     spaced = LAT + 4e-4 * np.arange(n)
     named = replace(
         streets,
-        lat0_deg=spaced,
-        lat1_deg=spaced,
+        ends_deg=lines(LON, spaced, LON + 1.3e-3, spaced),
         name=np.array(["Weg $x$", None, "Unbekannt", "日本"], object),
     )
     figure = slope_figure(named)
@@ -297,7 +288,7 @@ def test_nothing_to_draw_is_an_error() -> None:
 
 
 def test_continents_are_no_map() -> None:
-    wide = replace(street(np.array([4.0]), np.array([0.5])), lon1_deg=np.array([40.0]))
+    wide = replace(street(np.array([4.0]), np.array([0.5])), ends_deg=lines(LON, LAT, [40.0], LAT))
     with pytest.raises(MapError, match=r"2\d+ km.*--bbox"):
         slope_figure(wide)
 
