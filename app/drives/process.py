@@ -28,7 +28,7 @@ from app.core.telemetry.logs import about, tell
 from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
 from app.core.version import code_version
 from app.drives import claims, publishing, queue, tracks
-from app.drives.computing import Computed, Computing, RunProgress, compute, fault_of
+from app.drives.computing import Computed, Computing, Fault, RunProgress, compute, fault_of
 from app.drives.documents import Drive
 from app.jobs.context import JobContext
 from app.jobs.requests.pieces import never
@@ -131,8 +131,7 @@ def give_up(context: JobContext, drive_id: uuid.UUID, generation: int, kind: str
         drive = claims.mark_running(session, drive_id, generation)
         if drive is None:
             return
-        if claims.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None):
-            announce_drive(session, DRIVE_FAILED, drive_id, {"kind": kind, "reason": reason})
+        _write_failure(session, drive, Fault(kind, reason), None)
     with about(drive=drive_id):
         _tell_failed(drive, kind, reason, None)
 
@@ -229,17 +228,21 @@ def drive_time(log: DriveLog) -> datetime | None:
 
 
 def _fail(context: JobContext, drive: Drive, stage: str, error: Exception) -> Outcome:
-    kind, reason, where = fault_of(error, "drive", drive.id, stage)
+    fault = fault_of(error, "drive", drive.id, stage)
     with context.sessions.begin() as session:
-        mine = claims.mark_failed(
-            session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
-        )
-        if mine:
-            announce_drive(session, DRIVE_FAILED, drive.id, {"kind": kind, "reason": reason})
+        mine = _write_failure(session, drive, fault, stage)
     if not mine:
         return _discarded(drive)
-    _tell_failed(drive, kind, reason, stage)
+    _tell_failed(drive, fault.kind, fault.reason, stage)
     return Outcome.FAILED
+
+
+def _write_failure(session: Session, drive: Drive, fault: Fault, stage: str | None) -> bool:
+    """End the drive as failed, and have that announced; False: it is no longer this worker's."""
+    mine = claims.mark_failed(session, drive.id, drive.generation, **fault._asdict(), stage=stage)
+    if mine:
+        announce_drive(session, DRIVE_FAILED, drive.id, {"kind": fault.kind, "reason": fault.reason})
+    return mine
 
 
 def _tell_started(drive: Drive) -> None:
