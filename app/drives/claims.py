@@ -136,9 +136,7 @@ def mark_failed(
     """End a running drive as failed; what an earlier run published stays. False: no longer this worker's."""
     texts = {"stage": stage, "reason": reason, "where": where}
     values = {name: reason_text(value) for name, value in texts.items()}
-    return _write(
-        session, drive_id, generation, _FAILED, {"kind": kind, "version": code_version(), **values}
-    )
+    return _write(session, drive_id, generation, _FAILED, {"kind": kind, "version": code_version(), **values})
 
 
 def lock_running(session: Session, drive_id: uuid.UUID, generation: int) -> bool:

@@ -17,6 +17,7 @@ from app.core.databases import database_identity
 from app.core.errors import BadRequestError, NotDoneError
 from app.core.http import BaseUrl, Service, ServiceDep, existing, problems
 from app.core.query import refuse_unknown
+from app.core.receiving.files import announced_bytes
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
@@ -120,7 +121,7 @@ async def ask_for_operation(
     await run_in_threadpool(_check, service, kind, parameters)
     received = None
     if kind in WITH_FILE:
-        await run_in_threadpool(_require_place, service, request.headers.get("content-length", ""))
+        await run_in_threadpool(_require_place, service, announced_bytes(request))
         received = await receive_file(
             request, BlobStore(service.settings.blob_store_url, IMPORTS), service.settings
         )
@@ -213,14 +214,10 @@ def _require_fitting(kind: Kind, given: Mapping[str, Any]) -> None:
         raise BadRequestError(f"{kind.value} of which one? Give its name.", field="name")
 
 
-def _require_place(service: Service, content_length: str) -> None:
+def _require_place(service: Service, size_bytes: int) -> None:
     """Refuse before a large body is received; ``_add_operation`` looks again when its file is there."""
     with service.reading() as session:
-        store.require_place(
-            session,
-            int(content_length) if content_length.isdigit() else 0,
-            service.settings.imports_kept_bytes,
-        )
+        store.require_place(session, size_bytes, service.settings.imports_kept_bytes)
 
 
 def _check(service: Service, kind: Kind, parameters: Mapping[str, Any]) -> None:

@@ -6,7 +6,7 @@ Knows no database, no route, no picture and no file (``profile_document``).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -23,39 +23,30 @@ LEAST_COSINE = 0.5
 
 @dataclass(frozen=True)
 class RoadFacts:
-    """What a profile uses of a segment: its bearing, clockwise from north, from from_node to to_node.
+    """What a profile uses of a segment: its ends, (lon, lat) in degrees, and what it is.
 
     ``dem_heights_m`` are the elevation model's at equal distances over its ``length_m``; empty where there are none.
     """
 
-    bearing_rad: float
+    from_deg: tuple[float, float]
+    to_deg: tuple[float, float]
     bridge: bool
     tunnel: bool
     length_m: float = math.nan
-    dem_heights_m: tuple[float, ...] = ()
+    dem_heights_m: Sequence[float] = ()
 
-    @classmethod
-    def between(
-        cls,
-        start_deg: tuple[float, float],
-        end_deg: tuple[float, float],
-        *,
-        bridge: bool,
-        tunnel: bool,
-        length_m: float = math.nan,
-        dem_heights_m: Iterable[float] | None = None,
-    ) -> RoadFacts:
-        """The facts of a segment from its ends, (lon, lat)."""
-        (lon0, lat0), (lon1, lat1) = start_deg, end_deg
+    @property
+    def bearing_rad(self) -> float:
+        """Clockwise from north, from from_node to to_node."""
+        (lon0, lat0), (lon1, lat1) = self.from_deg, self.to_deg
         turn = math.remainder(lon1 - lon0, 360.0) * math.cos(math.radians((lat0 + lat1) / 2))
-        bearing = math.atan2(turn, lat1 - lat0)
-        return cls(bearing, bridge, tunnel, length_m, tuple(dem_heights_m or ()))
+        return math.atan2(turn, lat1 - lat0)
 
 
 def table_facts(table: RoadTable, segment: Ints) -> dict[int, RoadFacts]:
     """The facts of the segments of a table that occur in ``segment``, by row; -1 is none."""
     return {
-        int(s): RoadFacts.between(
+        int(s): RoadFacts(
             (float(table.lon0_deg[s]), float(table.lat0_deg[s])),
             (float(table.lon1_deg[s]), float(table.lat1_deg[s])),
             bridge=bool(table.bridge[s]),
@@ -201,7 +192,8 @@ class _Driven:
         return heights
 
 
-_UNKNOWN = RoadFacts(math.nan, bridge=False, tunnel=False)
+_NOWHERE = (math.nan, math.nan)
+_UNKNOWN = RoadFacts(_NOWHERE, _NOWHERE, bridge=False, tunnel=False)
 
 
 def _directions(segment: Ints, distance_m: Floats) -> Ints:

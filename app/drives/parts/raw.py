@@ -6,22 +6,13 @@ import uuid
 from typing import Any, BinaryIO
 
 from fastapi import APIRouter, Request, Response
-from starlette.concurrency import run_in_threadpool
 
-from app.core.admission import PARTS
 from app.core.errors import NotFoundError
 from app.core.http import JSON, Service, ServiceDep, existing, not_modified, problems
 from app.drives import store as drives
-from app.drives import tracks
 from app.drives.documents import Drive
 from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
-from app.drives.parts.reading import (
-    PointsQuery,
-    attachment,
-    drive_and_track,
-    drive_profile,
-    measurements_answer,
-)
+from app.drives.parts.reading import PointsQuery, attachment, measurements_answer, run_of_drive
 from app.exports.ranges import file_answer
 
 BYTES = "application/octet-stream"
@@ -55,16 +46,7 @@ async def drive_measurements(
 
     `points` is of each sensor. Methods that tell of no measurements have none.
     """
-
-    def answer() -> Response:
-        with service.reading() as session:
-            drive, track = drive_and_track(session, drive_id)
-            profile = drive_profile(session, drive_id, track)
-            measurements = tracks.read_measurements(session, drive_id)
-        return measurements_answer({"drive_id": str(drive.id)}, profile, measurements, points)
-
-    async with service.request_classes[PARTS].place():
-        return await run_in_threadpool(answer)
+    return await measurements_answer(service, run_of_drive(drive_id), points)
 
 
 @router.get(

@@ -11,7 +11,6 @@ from fastapi.responses import StreamingResponse
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
-from app.core.admission import PARTS
 from app.core.http import (
     JSON,
     BaseUrl,
@@ -32,7 +31,7 @@ from app.drives import tracks
 from app.drives.documents import drive_address
 from app.drives.outputs.drawing import Drawing
 from app.drives.outputs.estimates import estimate_feature
-from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA, fewer
+from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.drives.outputs.profile_marks import datum_words
 from app.drives.outputs.track import TRACK_EXAMPLE, track_chunks
 from app.drives.outputs.track_files import track_csv, track_gpx
@@ -52,6 +51,7 @@ from app.drives.parts.reading import (
     form_of,
     in_blocks,
     profile_answer,
+    run_of_drive,
     stem_of,
     text_content,
 )
@@ -153,8 +153,7 @@ async def get_profile(
     """
     form = form_of(f, request.headers.get("accept"), PROFILES)
     if form != "png":
-        async with service.request_classes[PARTS].place():
-            return await run_in_threadpool(_profile_text, service, drive_id, form, points)
+        return await profile_answer(service, run_of_drive(drive_id), form, points)
     picture = await run_in_threadpool(_kept_picture, service, drive_id)
     if picture is None:
         drawing: Drawing = request.app.state.drawing
@@ -218,13 +217,6 @@ def drive_segments(
         return estimates_answer(form, shown, members, stem_of(drive.filename))
     document = {"type": "FeatureCollection"} | members | {"features": map(estimate_feature, shown)}
     return geojson_response(document, VARY)
-
-
-def _profile_text(service: Service, drive_id: uuid.UUID, form: str, points: int | None) -> Response:
-    with service.reading() as session:
-        drive, track = drive_and_track(session, drive_id)
-        profile = fewer(drive_profile(session, drive_id, track), points)
-    return profile_answer(form, profile, {"drive_id": str(drive.id)}, stem_of(drive.filename))
 
 
 def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:
