@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, dumps, utc_text
+from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, collection_chunks, utc_text
 from app.drives.outputs.columns import numbers, time_texts
 from fusion.types import PAUSE_S, Ints, Track
 
@@ -26,11 +27,7 @@ def track_chunks(track: Track, segment_id: Ints, members: dict[str, Any] | None 
     ``distance_m`` (along the segment from its from_node) and ``has_gnss``. Unknown is null. Heights are
     properties and not coordinates, because RFC 7946 wants those above the ellipsoid.
     """
-    head = dumps({"type": "FeatureCollection"} | (members or {}))
-    yield head[:-1] + ',"features":[' + dumps(path_feature(track))
-    for point in point_features(track, segment_id):
-        yield ",\n" + dumps(point)
-    yield "]}\n"
+    return collection_chunks(chain([path_feature(track)], point_features(track, segment_id)), members)
 
 
 def path_feature(track: Track) -> dict[str, Any]:

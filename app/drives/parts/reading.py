@@ -19,11 +19,11 @@ from app.core.admission import PARTS
 from app.core.db import fetch_binary
 from app.core.errors import NotAcceptableError, NotFoundError
 from app.core.http import JSON, Service, existing, geojson_answer, preferred
-from app.core.text import GEO_JSON, columns_text, dumps
+from app.core.text import GEO_JSON, collection_chunks, columns_text, dumps
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
-from app.drives.outputs.estimates import collection_chunks, estimates_csv
+from app.drives.outputs.estimates import estimate_feature, estimates_csv
 from app.drives.outputs.measurements import measurements_json
 from app.drives.outputs.profile import Profile, RoadFacts, build_profile
 from app.drives.outputs.profile_document import fewer, profile_csv, profile_json
@@ -232,5 +232,5 @@ def estimates_answer(
     if form == "csv":
         chunks, headers = estimates_csv(estimates), as_file(f"{stem}-segments.csv")
     else:
-        chunks, headers = collection_chunks(members, estimates), VARY
+        chunks, headers = collection_chunks(map(estimate_feature, estimates), members), VARY
     return StreamingResponse(in_blocks(chunks), media_type=ESTIMATES[form], headers=headers)

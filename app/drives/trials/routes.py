@@ -222,7 +222,7 @@ def _run_of(drive_id: uuid.UUID, trial_id: uuid.UUID) -> FindRun:
             {"drive_id": str(drive_id), "trial_id": str(trial.id)},
             stem,
             lambda: profile_of(session, tracks.decode(result.track), slopes),
-            lambda: result.measurements and tracks.decode_measurements(result.measurements),
+            lambda: None if result.measurements is None else tracks.decode_measurements(result.measurements),
         )
 
     return find

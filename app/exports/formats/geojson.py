@@ -1,4 +1,4 @@
-"""GeoJSON FeatureCollections, written piece by piece: to a file, or wherever a stream goes."""
+"""GeoJSON FeatureCollections, written to a file piece by piece."""
 
 from __future__ import annotations
 
@@ -7,23 +7,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from app.core.text import GEO_JSON, dumps
+from app.core.text import GEO_JSON, collection_chunks
 from app.exports.format import Stated, TableFormat
 from app.map.segment import Record
-
-
-def collection_chunks(records: Iterable[Record], members: dict[str, Any] | None = None) -> Iterator[str]:
-    """The text of a FeatureCollection piece by piece, in constant memory.
-
-    ``members`` are further top-level members such as ``links``; they come before ``features``.
-    """
-    head = dumps({"type": "FeatureCollection"} | (members or {}))
-    yield head[:-1] + ',"features":['
-    separator = ""
-    for record in records:
-        yield separator + dumps(record.geojson())
-        separator = ",\n"
-    yield "]}\n"
 
 
 class GeoJson(TableFormat):
@@ -40,11 +26,11 @@ class GeoJson(TableFormat):
         # Where the data come from is a document by itself.
         members = {name: json.loads(text) if name == "provenance" else text for name, text in stated.items()}
 
-        def counted() -> Iterator[Record]:
+        def counted() -> Iterator[dict[str, Any]]:
             nonlocal count
             for record in records:
                 count += 1
-                yield record
+                yield record.geojson()
 
         with path.open("w", encoding="utf-8") as file:
             file.writelines(collection_chunks(counted(), members))
