@@ -36,8 +36,7 @@ from app.drives.batches import removing
 from app.drives.batches import routes as batches
 from app.drives.documents import Drive
 from app.drives.outputs.drawing import Drawing
-from app.drives.parts import raw as drive_sources
-from app.drives.parts import results as drive_parts
+from app.drives.parts import routes as drive_parts
 from app.drives.store import get_drives
 from app.drives.trials import routes as trials
 from app.exports import routes as exports
@@ -66,7 +65,6 @@ ROUTERS: tuple[APIRouter, ...] = (
     drives.router,
     feed.router,
     drive_parts.router,
-    drive_sources.router,
     trials.router,
     segments.router,
     changes.router,

@@ -72,9 +72,9 @@ def fuse(
     Gives the service's numbers for the same logs. A log that fails is reported, and the others go on.
     """
     from app.cli.fuse_files import Fusion
+    from app.core.text import collection_chunks
     from app.exports.format import statements
     from app.exports.formats import write_segments
-    from app.exports.formats.geojson import collection_chunks
     from app.map.segment import attribution
     from fusion.network.control import read_control
     from fusion.roads.osm import read_roads
@@ -99,7 +99,9 @@ def fuse(
     features, datum = combined.features, combined.height_datum
     _tell(fusion, combined, outcomes, console)
     if fusion.fused and out is None:
-        sys.stdout.writelines(collection_chunks(features, statements(source, datum)))
+        sys.stdout.writelines(
+            collection_chunks((one.geojson() for one in features), statements(source, datum))
+        )
     elif fusion.fused and out is not None:
         write_segments(features, out, source=source, height_datum=datum)
         console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(drives)} logs.")

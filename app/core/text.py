@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -74,6 +74,21 @@ def geojson_text(document: Mapping[str, Any]) -> bytes:
         return dumps(members).encode()
     features = b",".join([dumps(feature).encode() for feature in document["features"]])
     return b"".join((dumps(members)[:-1].encode(), b',"features":[', features, b"]}"))
+
+
+def collection_chunks(
+    features: Iterable[Mapping[str, Any]], members: Mapping[str, Any] | None = None
+) -> Iterator[str]:
+    """The text of a FeatureCollection, a feature at a time, in constant memory.
+
+    ``members`` are further top-level members such as ``links``; they come before ``features``.
+    """
+    yield dumps({"type": "FeatureCollection", **(members or {})})[:-1] + ',"features":['
+    separator = ""
+    for feature in features:
+        yield separator + dumps(feature)
+        separator = ",\n"
+    yield "]}\n"
 
 
 def columns_text(document: Mapping[str, Any]) -> bytes:

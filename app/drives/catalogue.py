@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any
 
 from fastapi import APIRouter, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from app.core.http import ServiceDep
 from app.drives.method_choice import default_method
@@ -58,40 +58,35 @@ class MethodChoice(Choice):
     needs: list[str] = Field(description="What the log and its surroundings must have, in words.")
 
 
-class MethodList(BaseModel):
-    """What can be chosen for a drive."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "default": "profile",
-                    "methods": [
-                        {
-                            "name": "particle",
-                            "title": "A particle filter on the road network",
-                            "description": "A particle filter on the road network.",
-                            "source": "ours",
-                            "options": _SCHEMA_EXAMPLE,
-                            "needs": ["positions"],
-                        }
-                    ],
-                    "default_positioning": "auto",
-                    "positionings": [
-                        {
-                            "name": "receiver",
-                            "title": "Positions as logged",
-                            "description": "Positions as logged.",
-                            "source": "the receiver itself",
-                            "options": {"type": "object", "properties": {}},
-                        }
-                    ],
-                    "columns": ["time", "lat_deg", "lon_deg"],
-                    "max_files": 32,
-                }
-            ]
+_EXAMPLE: dict[str, Any] = {
+    "default": "profile",
+    "methods": [
+        {
+            "name": "particle",
+            "title": "A particle filter on the road network",
+            "description": "A particle filter on the road network.",
+            "source": "ours",
+            "options": _SCHEMA_EXAMPLE,
+            "needs": ["positions"],
         }
-    )
+    ],
+    "default_positioning": "auto",
+    "positionings": [
+        {
+            "name": "receiver",
+            "title": "Positions as logged",
+            "description": "Positions as logged.",
+            "source": "the receiver itself",
+            "options": {"type": "object", "properties": {}},
+        }
+    ],
+    "columns": ["time", "lat_deg", "lon_deg"],
+    "max_files": 32,
+}
+
+
+class MethodList(BaseModel, json_schema_extra={"examples": [_EXAMPLE]}):
+    """What can be chosen for a drive."""
 
     default: str = Field(description="The method of who names none.")
     methods: list[MethodChoice]

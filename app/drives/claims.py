@@ -43,37 +43,24 @@ _CLAIM = text(
         AND stage IS DISTINCT FROM 'publishing' RETURNING id
     """
 )
-_SET_PROGRESS = text(f"UPDATE drives SET stage = :stage, progress = :progress {_WHERE_CLAIMED} RETURNING id")  # noqa: S608
-_PUT_BACK = text(
-    f"UPDATE drives SET status = 'queued', stage = NULL, progress = 0 {_WHERE_CLAIMED} RETURNING id"  # noqa: S608
-)
-_FAIL = text(
-    f"""
-    UPDATE drives
-    SET status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
-        failure_version = :version, finished_at = clock_timestamp()
-    {_WHERE_CLAIMED} RETURNING id
-    """  # noqa: S608 - a constant
-)
-
+_FAILED = """
+    status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
+    failure_version = :version, finished_at = clock_timestamp()
+"""
 # Also of a drive that then finds no roads: by it new ones find the drive.
-_SET_BOUNDS = text(
-    f"""
-    UPDATE drives SET bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326) {_WHERE_CLAIMED} RETURNING id
-    """  # noqa: S608 - a constant
-)
+_BOUNDS = "bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326)"
 
 # The end of a run: the row is locked first, so that it is still the worker's when its result is written. Tables that
 # refer to it may be written meanwhile.
 _LOCK_RUNNING = text(f"SELECT id FROM drives {_WHERE_CLAIMED} FOR NO KEY UPDATE")  # noqa: S608 - a constant
 _SET_PUBLISHING = text(
-    """
+    f"""
     UPDATE drives
     SET stage = 'publishing', progress = :progress, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
-        report = CAST(:report AS jsonb), bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326),
+        report = CAST(:report AS jsonb), {_BOUNDS},
         epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time, computed_at = clock_timestamp()
     WHERE id = :id
-    """
+    """  # noqa: S608 - a constant
 )
 
 # What no mark waits for any more, but in cells that solvers have given up; another worker may be about
@@ -95,13 +82,12 @@ _FINISH = text(
     """
 )
 
-_LOCK_CANCELLED = text(
+_SET_REMOVING = text(
     """
-    SELECT id FROM drives WHERE id = :id AND generation = :generation AND status = 'cancelled' AND stage IS NULL
-    FOR NO KEY UPDATE
+    UPDATE drives SET stage = 'removing'
+    WHERE id = :id AND generation = :generation AND status = 'cancelled' AND stage IS NULL RETURNING blob_key
     """
 )
-_SET_REMOVING = text("UPDATE drives SET stage = 'removing' WHERE id = :id RETURNING blob_key")
 _REMOVED = text(
     """
     DELETE FROM drives WHERE id IN (
@@ -123,18 +109,18 @@ def mark_running(session: Session, drive_id: uuid.UUID, generation: int) -> Driv
 
 def set_progress(session: Session, drive_id: uuid.UUID, generation: int, stage: str, progress: float) -> bool:
     """Show the stage and the share of the work done, 0..1; False: the drive is no longer this worker's."""
-    values = {"id": drive_id, "generation": generation, "stage": plain_text(stage), "progress": progress}
-    return changed(session, _SET_PROGRESS, values)
+    values = {"stage": plain_text(stage), "progress": progress}
+    return _write(session, drive_id, generation, "stage = :stage, progress = :progress", values)
 
 
 def note_bounds(session: Session, drive_id: uuid.UUID, generation: int, bounds: Bounds) -> bool:
     """Note where the drive is, degrees, whatever becomes of it; False: no longer this worker's."""
-    return changed(session, _SET_BOUNDS, {"id": drive_id, "generation": generation, **_box(bounds)})
+    return _write(session, drive_id, generation, _BOUNDS, _box(bounds))
 
 
 def mark_queued(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
     """Put a running drive back into the queue (its worker stops); False: no longer this worker's."""
-    return changed(session, _PUT_BACK, {"id": drive_id, "generation": generation})
+    return _write(session, drive_id, generation, "status = 'queued', stage = NULL, progress = 0", {})
 
 
 def mark_failed(
@@ -148,11 +134,9 @@ def mark_failed(
     where: str | None = None,
 ) -> bool:
     """End a running drive as failed; what an earlier run published stays. False: no longer this worker's."""
-    texts = {
-        name: reason_text(value) for name, value in (("stage", stage), ("reason", reason), ("where", where))
-    }
-    run = {"id": drive_id, "generation": generation, "version": code_version()}
-    return changed(session, _FAIL, {**run, "kind": kind, **texts})
+    texts = {"stage": stage, "reason": reason, "where": where}
+    values = {name: reason_text(value) for name, value in texts.items()}
+    return _write(session, drive_id, generation, _FAILED, {"kind": kind, "version": code_version(), **values})
 
 
 def lock_running(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
@@ -197,16 +181,10 @@ def mark_done(session: Session, drive_id: uuid.UUID) -> None:
     session.execute(_FINISH, {"id": drive_id})
 
 
-def lock_cancelled(session: Session, drive_id: uuid.UUID, generation: int) -> bool:
-    """Hold the row of a drive that is to be removed; False when that is no longer so, or done."""
-    return changed(session, _LOCK_CANCELLED, {"id": drive_id, "generation": generation})
-
-
-def mark_removing(session: Session, drive_id: uuid.UUID) -> str:
-    """All that the drive said is taken back; its row goes once its cells are solved without it. The key of its blob,
-    which nobody needs any more."""
-    blob_key: str = session.execute(_SET_REMOVING, {"id": drive_id}).scalar_one()
-    return blob_key
+def mark_removing(session: Session, drive_id: uuid.UUID, generation: int) -> str | None:
+    """Begin to take back what the drive said; its row goes once its cells are solved without it. The key of its blob,
+    which nobody needs any more; None where it is not to be removed, or that was begun before."""
+    return session.execute(_SET_REMOVING, {"id": drive_id, "generation": generation}).scalar()
 
 
 class Removed(NamedTuple):
@@ -224,3 +202,11 @@ def delete_removed(session: Session) -> list[Removed]:
 
 def _box(bounds: Bounds) -> dict[str, float]:
     return dict(zip(("west", "south", "east", "north"), bounds, strict=True))
+
+
+def _write(
+    session: Session, drive_id: uuid.UUID, generation: int, columns: str, values: Mapping[str, Any]
+) -> bool:
+    """Write columns of a drive that this worker has claimed; False: it is no longer this worker's."""
+    statement = text(f"UPDATE drives SET {columns} {_WHERE_CLAIMED} RETURNING id")  # noqa: S608 - constants
+    return changed(session, statement, {"id": drive_id, "generation": generation, **values})

@@ -11,7 +11,7 @@ import uuid
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from app.core.telemetry.events import Stages
 from app.core.telemetry.logs import blanked, tell
@@ -20,6 +20,7 @@ from app.drives.documents import Drive
 from app.drives.trials.documents import Trial
 from app.jobs.context import JobContext
 from app.jobs.memory import MORE_MEMORY
+from app.jobs.requests.store import Failure
 from app.network.extracts import Roads, roads_in
 from app.roads import store as road_store
 from app.terrain import store as dem
@@ -62,14 +63,6 @@ class NoRoadsError(ProcessingError):
     """There are no roads at all yet."""
 
     kind = "no-roads"
-
-
-class Fault(NamedTuple):
-    """The kind of a failure, its reason, and the line, byte or field at fault."""
-
-    kind: str
-    reason: str
-    where: str | None = None
 
 
 class RunProgress:
@@ -215,17 +208,17 @@ def estimate(
     return Computed(positioned.log, around, ids, network.table, result)
 
 
-def fault_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Fault:
+def failure_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Failure:
     """What is said of an error in a run of ``what`` (drive, trial); what is the service's fault is logged as well."""
     if isinstance(error, FusionError):
-        return Fault(error.kind, blanked(str(error)), error.where)
+        return Failure(error.kind, blanked(str(error)), error.where, stage)
     if isinstance(error, MemoryError):
         logger.error("%s %s: out of memory in stage %s", what, number, stage)
         reason = f"The drive needs {MORE_MEMORY}. Split the log into shorter drives."
-        return Fault("out-of-memory", reason)
+        return Failure("out-of-memory", reason, stage=stage)
     logger.error("%s %s failed unexpectedly in stage %s", what, number, stage, exc_info=error)
-    return Fault(
-        "internal",
+    reason = (
         f"Processing failed in stage '{stage}' by a fault of the service, not of the log "
-        f"({type(error).__name__}). It is in the worker's log under the {what}'s id; ask the operator.",
+        f"({type(error).__name__}). It is in the worker's log under the {what}'s id; ask the operator."
     )
+    return Failure("internal", reason, stage=stage)

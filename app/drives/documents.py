@@ -12,7 +12,7 @@ from datetime import datetime
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from app.core.db import Bounds
 from app.core.http import EXAMPLE_ID, Link, link
@@ -79,15 +79,14 @@ class Failure(BaseModel):
         )
 
 
-class Drive(BaseModel):
+# Whoever reads the document finds every member, also the links, which a drive fresh from the store has not.
+class Drive(
+    BaseModel,
+    frozen=True,
+    json_schema_serialization_defaults_required=True,
+    json_schema_extra={"examples": [DRIVE_EXAMPLE]},
+):
     """A drive: an uploaded log and what became of it."""
-
-    # Whoever reads the document finds every member, also the links, which a drive fresh from the store has not.
-    model_config = ConfigDict(
-        frozen=True,
-        json_schema_serialization_defaults_required=True,
-        json_schema_extra={"examples": [DRIVE_EXAMPLE]},
-    )
 
     id: uuid.UUID
     status: DriveStatus
@@ -185,42 +184,29 @@ class DrivePlace(NamedTuple):
     """What the list is ordered by before these; None: not known, or nothing (``app.drives.listing``)."""
 
 
-class DriveList(BaseModel):
+class DriveList(BaseModel, json_schema_extra={"examples": [{"drives": [DRIVE_EXAMPLE], "links": []}]}):
     """One page of drives, in the order asked for."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"drives": [DRIVE_EXAMPLE], "links": []}]})
 
     drives: list[Drive]
     links: list[Link] = Field(description="`next` is missing on the last page, `prev` on the first.")
 
 
-class DriveAccepted(BaseModel):
-    """The answer to an upload or a request to process again."""
+_ACCEPTED = {"id": EXAMPLE_ID, "status": "queued", "links": DRIVE_EXAMPLE["links"]}
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": EXAMPLE_ID,
-                    "status": "queued",
-                    "links": [{"href": EXAMPLE_DRIVE, "rel": "self", "type": "application/json"}],
-                }
-            ]
-        }
-    )
+
+class DriveAccepted(BaseModel, json_schema_extra={"examples": [_ACCEPTED]}):
+    """The answer to an upload or a request to process again."""
 
     id: uuid.UUID
     status: DriveStatus
     links: list[Link]
 
 
-class ReprocessRequest(BaseModel):
-    """How to process a drive again; what is left out stays as it was."""
+_ANEW = {"method": "particle", "options": {"particles": 10_000}}
 
-    model_config = ConfigDict(
-        extra="forbid",
-        json_schema_extra={"examples": [{"method": "particle", "options": {"particles": 10_000}}]},
-    )
+
+class ReprocessRequest(BaseModel, extra="forbid", json_schema_extra={"examples": [_ANEW]}):
+    """How to process a drive again; what is left out stays as it was."""
 
     method: str | None = Field(None, description="Another estimator.")
     options: dict[str, Any] | None = Field(None, description="Its options; leaving them out means defaults.")

@@ -122,14 +122,9 @@ def stretches(order: Order, place: DrivePlace | None, *, backwards: bool) -> Ite
         here = place if place is not None and is_known is (place.key is not None) else None
         begun = begun or here is not None
         if begun:
+            half = f" AND {key.expression} IS {'NOT ' if is_known else ''}NULL" if key.nullable else ""
             condition, values = _beyond(key.expression if is_known else "", here, sign)
-            yield Stretch(_stretch_of(key, is_known) + condition, values, order_by)
-
-
-def _stretch_of(key: _Key, is_known: bool) -> str:
-    if not key.nullable:
-        return ""
-    return f" AND {key.expression} IS {'NOT ' if is_known else ''}NULL"
+            yield Stretch(half + condition, values, order_by)
 
 
 def _beyond(key: str, place: DrivePlace | None, sign: str) -> tuple[str, dict[str, Any]]:

@@ -28,11 +28,12 @@ from app.core.telemetry.logs import about, tell
 from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
 from app.core.version import code_version
 from app.drives import claims, publishing, queue, tracks
-from app.drives.computing import Computed, Computing, RunProgress, compute, fault_of
+from app.drives.computing import Computed, Computing, RunProgress, compute, failure_of
 from app.drives.documents import Drive
 from app.jobs.context import JobContext
 from app.jobs.requests.pieces import never
 from app.jobs.requests.run import Discarded, Progress
+from app.jobs.requests.store import Failure
 from app.jobs.task import Interrupted, is_connection_loss
 from app.network import results as slopes
 from app.network.cells import road_states
@@ -121,20 +122,20 @@ def _attempt(
         stages.end(error)
         if is_connection_loss(error):
             raise
-        return _fail(context, drive, run.stage, error)
+        return _fail(context, drive, failure_of(error, "drive", drive.id, run.stage))
     return Outcome.DONE
 
 
 def give_up(context: JobContext, drive_id: uuid.UUID, generation: int, kind: str, reason: str) -> None:
     """Fail a drive that is not run again: it must not take worker after worker along, or keep one for ever."""
+    failure = Failure(kind, reason)
     with context.sessions.begin() as session:
         drive = claims.mark_running(session, drive_id, generation)
         if drive is None:
             return
-        if claims.mark_failed(session, drive_id, generation, kind=kind, reason=reason, stage=None):
-            announce_drive(session, DRIVE_FAILED, drive_id, {"kind": kind, "reason": reason})
+        _write_failure(session, drive, failure)
     with about(drive=drive_id):
-        _tell_failed(drive, kind, reason, None)
+        _tell_failed(drive, failure)
 
 
 def _run(
@@ -228,18 +229,21 @@ def drive_time(log: DriveLog) -> datetime | None:
     return None if NO_DATE in log.repaired else datetime.fromtimestamp(float(log.fix.time_s[0]), UTC)
 
 
-def _fail(context: JobContext, drive: Drive, stage: str, error: Exception) -> Outcome:
-    kind, reason, where = fault_of(error, "drive", drive.id, stage)
+def _fail(context: JobContext, drive: Drive, failure: Failure) -> Outcome:
     with context.sessions.begin() as session:
-        mine = claims.mark_failed(
-            session, drive.id, drive.generation, kind=kind, reason=reason, stage=stage, where=where
-        )
-        if mine:
-            announce_drive(session, DRIVE_FAILED, drive.id, {"kind": kind, "reason": reason})
+        mine = _write_failure(session, drive, failure)
     if not mine:
         return _discarded(drive)
-    _tell_failed(drive, kind, reason, stage)
+    _tell_failed(drive, failure)
     return Outcome.FAILED
+
+
+def _write_failure(session: Session, drive: Drive, failure: Failure) -> bool:
+    """End the drive as failed, and have that announced; False: it is no longer this worker's."""
+    mine = claims.mark_failed(session, drive.id, drive.generation, **failure._asdict())
+    if mine:
+        announce_drive(session, DRIVE_FAILED, drive.id, {"kind": failure.kind, "reason": failure.reason})
+    return mine
 
 
 def _tell_started(drive: Drive) -> None:
@@ -257,11 +261,13 @@ def _discarded(drive: Drive) -> Outcome:
     return Outcome.DISCARDED
 
 
-def _tell_failed(drive: Drive, kind: str, reason: str, stage: str | None) -> None:
+def _tell_failed(drive: Drive, failure: Failure) -> None:
     """It ended without a result: a log that cannot be used is news, a fault of the service an error."""
+    kind, reason = failure.kind, failure.reason
     DRIVES_FAILED.count(drive.method, kind)
     for name in drive.filename.split(", "):  # it may be somebody's
         if len(name) >= SHORTEST_NAME:
             reason = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "(file)", reason)
     level = logging.ERROR if kind in FAULTS else logging.INFO
-    tell(logger, "drive failed", level=level, method=drive.method, kind=kind, stage=stage, reason=reason)
+    words = {"method": drive.method, "kind": kind, "stage": failure.stage, "reason": reason}
+    tell(logger, "drive failed", level=level, **words)

@@ -179,12 +179,11 @@ def _tell_done(drive: claims.Published, rejections: Rejections | None) -> None:
 def remove(sessions: Sessions, blobs: BlobStore, drive_id: uuid.UUID, generation: int) -> None:
     """Take back what a drive said whose removal was asked for, and delete its log; its row goes when its cells are
     solved, however long that takes."""
-    blob_key = None
     with sessions.begin() as session:
         slopes.begin_change(session, drive_id)
-        if claims.lock_cancelled(session, drive_id, generation):
+        blob_key = claims.mark_removing(session, drive_id, generation)
+        if blob_key is not None:
             slopes.append_removal(session, MarkedBy(drive_id, generation))
-            blob_key = claims.mark_removing(session, drive_id)
             queue.enqueue_solve(session)
     if blob_key is not None:
         blobs.delete(blob_key)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import uuid
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from datetime import datetime
 from typing import Any
 
 from sqlalchemy import Row, TextClause, text
@@ -172,29 +171,18 @@ def get_drives(session: Session, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, 
 def list_drives(
     session: Session,
     *,
-    status: str | None = None,
-    failure: str | None = None,
-    created_after: datetime | None = None,
-    created_before: datetime | None = None,
-    batch: int | None = None,
     q: str | None = None,
     order: Order = NEWEST_FIRST,
     limit: int = 100,
     after: DrivePlace | None = None,
     before: DrivePlace | None = None,
+    **asked: Any,
 ) -> list[Drive]:
     """At most ``limit`` drives in this order, those next behind the place ``after`` or the last before ``before``.
 
-    Those for which all holds that is said: their status, the kind of their failure, uploaded then or later, before
-    that, of a batch, with words of ``q`` in the file's name.
+    Those with words of ``q`` in the file's name for which all holds that is ``asked`` and not None: ``status``,
+    ``failure`` (the kind of it), ``created_after`` and ``created_before`` (of the upload), ``batch``.
     """
-    asked: dict[str, Any] = {
-        "status": status,
-        "failure": failure,
-        "created_after": created_after,
-        "created_before": created_before,
-        "batch": batch,
-    }
     values = {name: value for name, value in asked.items() if value is not None}
     conditions = "".join(_FILTERS[name] for name in values)
     if q is not None:

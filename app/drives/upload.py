@@ -1,22 +1,19 @@
 """The way of an upload: its body piece by piece into one blob (``receiving``), then row and job (``intake``).
 
-Nothing is held in memory but the piece on its way, nothing on disk but the blob. Knows neither formats of bodies nor
-SQL.
+Nothing is held on disk but the blob. Knows neither formats of bodies nor SQL.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Any
 
-import anyio
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from app.core.blobs import BlobStore, StoredBlob
-from app.core.errors import BodyTooLargeError
 from app.core.http import BaseUrl, ServiceDep, problems
-from app.core.receiving.body import Piece, UploadSource, upload_source
+from app.core.receiving.files import receive_files
 from app.core.settings import Settings
 from app.drives import intake
 from app.drives.documents import DriveAccepted, accepted, drive_address
@@ -31,11 +28,6 @@ from app.drives.method_choice import (
 from app.drives.receiving.first_look import FirstLook
 from app.drives.receiving.upload_bundle import UploadBundle
 from app.drives.receiving.zips import MAX_FILES
-
-CHUNK_BYTES = 1024 * 1024
-"""How much is handed to the blob store at a time: few hops between threads, little memory."""
-CHUNK_PIECES = 1024
-"""As many pieces at most, of a body that comes in crumbs."""
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
@@ -140,59 +132,23 @@ async def receive_upload(
 ) -> tuple[StoredBlob, str]:
     """Store the files of the request's body as one blob; returns the blob and its name.
 
-    Raises ``BodyTooLargeError`` as soon as the body is announced or found to be too large, ``StorageFullError`` as soon
-    as there is no room for it, ``BadRequestError`` for an empty file or a malformed body, ``LogError`` where no file is
-    a log, what ``UploadBundle`` raises else, and ``ClientDisconnect`` when the client goes away. Nothing stays in the
-    store then. The store's blocking calls run in threads.
+    Raises what ``receive_files`` does, ``StorageFullError`` as soon as there is no room for it, ``BadRequestError`` for
+    an empty file, ``LogError`` where no file is a log, and what ``UploadBundle`` raises else. Nothing stays in the
+    store then.
     """
-    max_bytes = settings.max_upload_bytes
-    source = upload_source(request.headers, request.query_params)
-    announced = _announced_bytes(request)
-    if announced > max_bytes + source.envelope_bytes:
-        raise _too_large(max_bytes)
-    bundle = await run_in_threadpool(
-        UploadBundle,
-        blobs,
-        keep_free_bytes=settings.min_free_bytes,
-        expected_bytes=announced,
-        max_content_bytes=settings.max_log_bytes,
-        look=look,
+
+    def begin(announced_bytes: int) -> UploadBundle:
+        return UploadBundle(
+            blobs,
+            keep_free_bytes=settings.min_free_bytes,
+            expected_bytes=announced_bytes,
+            max_content_bytes=settings.max_log_bytes,
+            look=look,
+        )
+
+    most = settings.max_upload_bytes
+    too_large = (
+        f"The upload is larger than {most} bytes, the most that this service takes. "
+        "Compress it with gzip or split it into several drives."
     )
-    try:
-        await _copy(request, source, bundle, max_bytes)
-        return await run_in_threadpool(bundle.finish)
-    except BaseException:
-        with anyio.CancelScope(shield=True):  # also when this request is cancelled
-            await run_in_threadpool(bundle.discard)
-        raise
-
-
-async def _copy(request: Request, source: UploadSource, bundle: UploadBundle, max_bytes: int) -> None:
-    waiting: list[Piece] = []
-    received = held = 0
-    async for chunk in request.stream():
-        pieces = source.feed(chunk)
-        size = sum(len(piece.data) for piece in pieces)
-        received, held = received + size, held + size
-        if received > max_bytes:
-            raise _too_large(max_bytes)
-        waiting += pieces
-        if held >= CHUNK_BYTES or len(waiting) >= CHUNK_PIECES:
-            await run_in_threadpool(bundle.take, waiting)
-            waiting, held = [], 0
-    source.finish()
-    await run_in_threadpool(bundle.take, waiting)
-
-
-def _announced_bytes(request: Request) -> int:
-    """Length of the body by its header; 0 where it is not said."""
-    announced = request.headers.get("content-length", "")
-    return int(announced) if announced.isdigit() else 0
-
-
-def _too_large(max_bytes: int) -> BodyTooLargeError:
-    return BodyTooLargeError(
-        f"The upload is larger than {max_bytes} bytes, the most that this service takes. "
-        "Compress it with gzip or split it into several drives.",
-        field="file",
-    )
+    return await receive_files(request, begin, most, too_large)

@@ -96,13 +96,13 @@ def run_worker(
     engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, background=True)
     try:
         context = JobContext(settings, session_factory(engine), queue_touched)
-        worker = Worker(settings, engine, context.sessions, tasks_of(context, settings))
+        worker = Worker(settings, engine, context.sessions, tasks_of(context))
         with (
             counting(context.sessions, process) as ledger,
             closing(Teller(context.sessions, settings)) as teller,
         ):
             written = in_thread(ledger.write, "what was counted could not be written")
-            chores = _chores(context, settings, ledger, teller) if with_chores else ()
+            chores = _chores(context, ledger, teller) if with_chores else ()
             again = worker.run(
                 ((written, WRITE_EVERY_S), *chores), wait=wait, stop_event=stop_event, renewed=renewed
             )
@@ -113,7 +113,7 @@ def run_worker(
         engine.dispose()
 
 
-def tasks_of(context: JobContext, settings: Settings) -> tuple[Task, ...]:
+def tasks_of(context: JobContext) -> tuple[Task, ...]:
     """Everything that a worker can be asked for: one line a task."""
     return (
         _drive_task(context),
@@ -151,13 +151,10 @@ def _removal_task(context: JobContext) -> Task:
         publishing.remove(context.sessions, context.blobs, uuid.UUID(drive_id), generation)
         return "taken back"
 
-    def put_back(*, drive_id: str, generation: int) -> None:
-        """The drive stays cancelled, and its job goes back by itself."""
-
     def fail(kind: str, reason: str, *, drive_id: str, generation: int) -> None:
         logger.error("drive %s could not be removed: %s", drive_id, reason)
 
-    return Task(REMOVE_DRIVE, run, fail, put_back, subject="removal")
+    return Task(REMOVE_DRIVE, run, fail, subject="removal")  # the drive stays cancelled
 
 
 def _solver_task(context: JobContext) -> Task:
@@ -175,9 +172,7 @@ def _solver_task(context: JobContext) -> Task:
     return Task(SOLVE, run, fail, put_back, subject="part of the map")
 
 
-def _chores(
-    context: JobContext, settings: Settings, ledger: Ledger, teller: Teller
-) -> tuple[tuple[Chore, float], ...]:
+def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[Chore, float], ...]:
     """What is done beside the drives, and how often, s."""
     sessions, blobs = context.sessions, context.blobs
     heights, deriver = HeightFiller(sessions, context.dem_dir), publishing.Deriver(sessions)
@@ -205,7 +200,7 @@ def _chores(
             figures.NOTE_EVERY_S,
         ),
         (ledger.fold, "counters could not be added up", FOLD_AFTER_S / 4),
-        (partial(_sweep, context, settings), "unused files could not be removed", SWEEP_EVERY_S),
+        (partial(_sweep, context), "unused files could not be removed", SWEEP_EVERY_S),
     ]
     for kind in REQUESTS:
         failed = f"{kind.store.plural} could not be looked after"
@@ -213,8 +208,9 @@ def _chores(
     return tuple((in_thread(chore, failed), every_s) for chore, failed, every_s in chores)
 
 
-def _sweep(context: JobContext, settings: Settings) -> None:
+def _sweep(context: JobContext) -> None:
     """Remove files that nobody refers to, retired evidence and, where no other database uses them, rasters."""
+    settings = context.settings
     if gone := retired.prune(context.sessions, settings.keep_dropped_days):
         logger.info("retired evidence of %d roads was kept long enough and is removed", gone)
     if gone := changes.prune(context.sessions, settings.changes_kept_days):

@@ -90,12 +90,7 @@ EXAMPLE: dict[str, Any] = {
 }
 
 
-class Export(
-    Request,
-    frozen=True,
-    json_schema_serialization_defaults_required=True,
-    json_schema_extra={"examples": [EXAMPLE]},
-):
+class Export(Request, json_schema_extra={"examples": [EXAMPLE]}):
     """An export: a file that was asked for and what became of it."""
 
     status: ExportStatus = Field(

@@ -69,9 +69,10 @@ class Task:
     """``run(work, **arguments)``: a word for the log on how it ended."""
     give_up: Callable[..., None]
     """``give_up(kind, reason, **arguments)``: it will not be run again; ``reason`` is a sentence for people."""
-    put_back: Callable[..., None]
-    """``put_back(**arguments)``: its run is over without an end and it waits for another. A job with a queueing lock
-    (one that waits is enough) ends with its run: then this adds another unless one waits."""
+    put_back: Callable[..., None] = lambda **_: None
+    """``put_back(**arguments)``: its run is over without an end and it waits for another. By default nothing waits but
+    the job, which goes back by itself. A job with a queueing lock (one that waits is enough) ends with its run: then
+    this adds another unless one waits."""
     subject: str = "job"
     """What people call that which is computed."""
     advice: str = "Ask for it again."

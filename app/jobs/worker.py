@@ -11,14 +11,13 @@ import asyncio
 import contextlib
 import functools
 import logging
-import signal
 import threading
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping, Sequence
 from typing import Any
 
 import procrastinate
-from procrastinate import exceptions, jobs
+from procrastinate import exceptions, jobs, signals
 from sqlalchemy import Engine
 
 from app.core.db import Sessions
@@ -35,6 +34,7 @@ _POLL_S = 1.0  # for jobs put back: only new ones announce themselves
 _RESTART_AFTER_S = 1.0
 _NEXT_PIECE_S = 1.0  # as long as a piece takes: half of the time the network is the drives'
 _LOOK_AT_LIMITS_EVERY_S = 1.0
+_LOOK_AT_EVENT_EVERY_S = 0.1
 SILENT_S = 90.0
 """A loop that asks for no work for so long begins anew (upstream's faults: ``app.jobs``). It asks every second, unless
 a job runs; while the database is away its questions take half a minute each."""
@@ -121,8 +121,7 @@ class Worker:
         with _stop_signals(stop):
             async with contextlib.AsyncExitStack() as tasks_beside:
                 for background_work in (
-                    _watch(stop_event, stop),
-                    self._end_when(stop),
+                    self._end_when(stop, stop_event),
                     _repeat(limits, _LOOK_AT_LIMITS_EVERY_S, None),
                     _repeat(alive, self._settings.heartbeat_interval_s, None),
                 ):
@@ -149,8 +148,13 @@ class Worker:
             self._too_large = True
             self._stopping.in_loop(self._stop.set)
 
-    async def _end_when(self, stop: asyncio.Event) -> None:
-        await stop.wait()
+    async def _end_when(self, stop: asyncio.Event, stop_event: threading.Event | None) -> None:
+        """Begin to end once ``stop`` is set, by whoever sets it or the event of another thread."""
+        while not stop.is_set():
+            if stop_event is not None and stop_event.is_set():
+                stop.set()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(stop.wait(), _LOOK_AT_EVENT_EVERY_S)
         self._stopping.begin()
 
     async def _serve(self, wait: bool, stop: asyncio.Event) -> None:
@@ -279,14 +283,6 @@ def _ignore_outcome(task: asyncio.Task[None]) -> None:
         task.exception()
 
 
-async def _watch(stop_event: threading.Event | None, stop: asyncio.Event) -> None:
-    """Carry a thread's event over to the loop."""
-    while stop_event is not None and not stop.is_set():
-        if stop_event.is_set():
-            stop.set()
-        await asyncio.sleep(0.1)
-
-
 @contextlib.asynccontextmanager
 async def _background(coroutine: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
     task = asyncio.create_task(coroutine)
@@ -298,27 +294,12 @@ async def _background(coroutine: Coroutine[Any, Any, None]) -> AsyncIterator[Non
             await task
 
 
-@contextlib.contextmanager
-def _stop_signals(stop: asyncio.Event) -> Iterator[None]:
-    """Let the first SIGTERM or SIGINT set ``stop``; a second one acts as usual."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    loop = asyncio.get_running_loop()
-    stop_signals = (signal.SIGTERM, signal.SIGINT)
-
-    def restore() -> None:
-        for number in stop_signals:
-            loop.remove_signal_handler(number)
+def _stop_signals(stop: asyncio.Event) -> contextlib.AbstractContextManager[None]:
+    """Let the first SIGTERM or SIGINT set ``stop``; a second one acts as usual. Only the main thread gets them."""
 
     def on_signal() -> None:
         logger.info("stopping: what does not end soon goes back into the queue")
         stop.set()
-        restore()
 
-    for number in stop_signals:
-        loop.add_signal_handler(number, on_signal)
-    try:
-        yield
-    finally:
-        restore()
+    is_main = threading.current_thread() is threading.main_thread()
+    return signals.on_stop(on_signal) if is_main else contextlib.nullcontext()

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.text import Moment
@@ -75,14 +75,8 @@ class Failure(BaseModel):
     reason: str = Field(description="What is wrong and what to do about it.")
 
 
-class Operation(Request):
+class Operation(Request, json_schema_extra={"examples": [EXAMPLE]}):
     """Something that the operator asked for and a worker does."""
-
-    model_config = ConfigDict(
-        frozen=True,
-        json_schema_serialization_defaults_required=True,
-        json_schema_extra={"examples": [EXAMPLE]},
-    )
 
     kind: Kind
     subject: str = Field(description="With what: the name of the file, region or raster; `map` of all.")
@@ -122,10 +116,8 @@ class Operation(Request):
         return bool(self.state.get("begun"))
 
 
-class OperationList(BaseModel):
+class OperationList(BaseModel, json_schema_extra={"examples": [{"operations": [EXAMPLE], "links": []}]}):
     """One page of operations, the newest first."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"operations": [EXAMPLE], "links": []}]})
 
     operations: list[Operation]
     links: list[Link] = Field(description="`next` is missing on the last page.")

@@ -9,6 +9,7 @@ from pathlib import PurePosixPath
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
@@ -17,6 +18,7 @@ from app.core.databases import database_identity
 from app.core.errors import BadRequestError, NotDoneError
 from app.core.http import BaseUrl, Service, ServiceDep, existing, problems
 from app.core.query import refuse_unknown
+from app.core.receiving.files import announced_bytes
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
@@ -66,6 +68,27 @@ _BODY: dict[str, Any] = {
 _LOCATION = {"Location": {"description": "The operation.", "schema": {"type": "string", "format": "uri"}}}
 
 
+class OperationRequest(BaseModel):
+    """What is to be done, and with what, as query parameters."""
+
+    kind: Kind = Field(description="What is to be done.", examples=["import-roads"])
+    region: str | None = Field(
+        None,
+        max_length=100,
+        description="Of `import-roads`: the region that the file brings up to date; else it is named after the file.",
+    )
+    priority: int | None = Field(
+        None,
+        ge=LEAST_PRIORITY,
+        le=MOST_PRIORITY,
+        description="Of `import-dem`: where rasters lie over each other the highest counts.",
+    )
+    name: str | None = Field(None, max_length=255, description="Of removals: the region or the raster.")
+    filename: str | None = Field(
+        None, max_length=255, description="Of imports whose body is the file itself: its name."
+    )
+
+
 @router.post(
     "",
     status_code=202,
@@ -83,29 +106,7 @@ async def ask_for_operation(
     service: ServiceDep,
     base: BaseUrl,
     origin: Origin,
-    kind: Annotated[Kind, Query(description="What is to be done.", examples=["import-roads"])],
-    region: Annotated[
-        str | None,
-        Query(
-            max_length=100,
-            description="Of `import-roads`: the region that the file brings up to date; else it is named after the "
-            "file.",
-        ),
-    ] = None,
-    priority: Annotated[
-        int | None,
-        Query(
-            ge=LEAST_PRIORITY,
-            le=MOST_PRIORITY,
-            description="Of `import-dem`: where rasters lie over each other the highest counts.",
-        ),
-    ] = None,
-    name: Annotated[
-        str | None, Query(max_length=255, description="Of removals: the region or the raster.")
-    ] = None,
-    filename: Annotated[
-        str | None, Query(max_length=255, description="Of imports whose body is the file itself: its name.")
-    ] = None,
+    query: Annotated[OperationRequest, Query()],
 ) -> Operation:
     """Have a worker import roads or an elevation raster, remove a region or a raster, or solve the whole map anew.
 
@@ -113,14 +114,14 @@ async def ask_for_operation(
     `approve`; the others are done at once. The same again, while it waits, is the same operation. Follow it at
     `Location`.
     """
-    refuse_unknown(request, {"kind", *set().union(*TAKEN.values())}, BadRequestError)
-    given = {"region": region, "priority": priority, "name": name, "filename": filename}
+    refuse_unknown(request, OperationRequest.model_fields, BadRequestError)
+    kind, given = query.kind, query.model_dump(exclude={"kind"}, exclude_none=True)
     _require_fitting(kind, given)
-    parameters = {name: value for name, value in given.items() if value is not None and name != "filename"}
+    parameters = {name: value for name, value in given.items() if name != "filename"}
     await run_in_threadpool(_check, service, kind, parameters)
     received = None
     if kind in WITH_FILE:
-        await run_in_threadpool(_require_place, service, request.headers.get("content-length", ""))
+        await run_in_threadpool(_require_place, service, announced_bytes(request))
         received = await receive_file(
             request, BlobStore(service.settings.blob_store_url, IMPORTS), service.settings
         )
@@ -206,21 +207,17 @@ def cancel_operation(
 
 def _require_fitting(kind: Kind, given: Mapping[str, Any]) -> None:
     """``BadRequestError`` for a parameter of another kind of operation, or where one is missing."""
-    for name, value in given.items():
-        if value is not None and name not in TAKEN[kind]:
+    for name in given:
+        if name not in TAKEN[kind]:
             raise BadRequestError(f"An operation {kind.value} takes no {name}.", field=name)
-    if "name" in TAKEN[kind] and not given["name"]:
+    if "name" in TAKEN[kind] and not given.get("name"):
         raise BadRequestError(f"{kind.value} of which one? Give its name.", field="name")
 
 
-def _require_place(service: Service, content_length: str) -> None:
+def _require_place(service: Service, size_bytes: int) -> None:
     """Refuse before a large body is received; ``_add_operation`` looks again when its file is there."""
     with service.reading() as session:
-        store.require_place(
-            session,
-            int(content_length) if content_length.isdigit() else 0,
-            service.settings.imports_kept_bytes,
-        )
+        store.require_place(session, size_bytes, service.settings.imports_kept_bytes)
 
 
 def _check(service: Service, kind: Kind, parameters: Mapping[str, Any]) -> None:

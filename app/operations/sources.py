@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 
 from fastapi import APIRouter
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
@@ -27,6 +27,7 @@ _REGION: dict[str, Any] = {
     "measured": 5_120,
     "bbox": [8.27, 48.94, 8.54, 49.09],
 }
+_REGIONS = {"regions": [_REGION], "measured_at": "2026-11-20T10:00:00.000Z", "links": []}
 _RASTER: dict[str, Any] = {
     "name": "N49E008.hgt",
     "priority": 0,
@@ -35,14 +36,13 @@ _RASTER: dict[str, Any] = {
     "imported_at": "2026-11-20T09:14:02.500Z",
     "with_quality": False,
 }
+_RASTERS = {"rasters": [_RASTER], "datum": "EGM96", "links": []}
 
 router = APIRouter(prefix="/v1", tags=["operation"])
 
 
-class RegionSeen(BaseModel):
+class RegionSeen(BaseModel, json_schema_extra={"examples": [_REGION]}):
     """Roads that came from one file and are updated by the next of that name."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [_REGION]})
 
     name: str
     source_name: str = Field(description="The file that it was imported from last.")
@@ -54,14 +54,8 @@ class RegionSeen(BaseModel):
     )
 
 
-class RegionList(BaseModel):
+class RegionList(BaseModel, json_schema_extra={"examples": [_REGIONS]}):
     """All regions, by name."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [{"regions": [_REGION], "measured_at": "2026-11-20T10:00:00.000Z", "links": []}]
-        }
-    )
 
     regions: list[RegionSeen]
     measured_at: Moment | None = Field(
@@ -70,10 +64,8 @@ class RegionList(BaseModel):
     links: list[Link]
 
 
-class RasterSeen(BaseModel):
+class RasterSeen(BaseModel, json_schema_extra={"examples": [_RASTER]}):
     """An elevation raster that is in use."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [_RASTER]})
 
     name: str
     priority: int = Field(
@@ -89,12 +81,8 @@ class RasterSeen(BaseModel):
     )
 
 
-class RasterList(BaseModel):
+class RasterList(BaseModel, json_schema_extra={"examples": [_RASTERS]}):
     """All elevation rasters that are in use."""
-
-    model_config = ConfigDict(
-        json_schema_extra={"examples": [{"rasters": [_RASTER], "datum": "EGM96", "links": []}]}
-    )
 
     rasters: list[RasterSeen]
     datum: str | None = Field(description="What heights refer to; null without any raster.")
@@ -108,14 +96,7 @@ def list_regions(service: ServiceDep, base: BaseUrl) -> RegionList:
         standings = region_standings(session)
         measured, at = _measured(session, sum(one.segments for one in standings))
     regions = [
-        RegionSeen(
-            name=one.name,
-            source_name=one.source_name,
-            imported_at=one.imported_at,
-            segments=one.segments,
-            measured=measured.get(one.name, 0),
-            bbox=None if one.bounds is None else tuple(one.bounds),
-        )
+        RegionSeen.model_validate({**vars(one), "measured": measured.get(one.name, 0), "bbox": one.bounds})
         for one in standings
     ]
     here = f"{base}/v1/regions"

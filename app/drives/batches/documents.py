@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 from app.core.db import Bounds
 from app.core.http import Link
@@ -16,8 +16,6 @@ from app.core.version import code_version
 from fusion.registry import DEFAULT_METHOD
 
 EXAMPLE_BATCH = "http://127.0.0.1:8000/v1/drives/reprocess?batch=7"
-_ANSWER: dict[str, Any] = {"href": EXAMPLE_BATCH, "rel": "monitor", "type": "application/json"}
-
 
 HOPELESS = ("unknown-format", "empty-log", "malformed-log", "bad-log")
 """Kinds of failures that are the log's own fault: the same code finds the same again, whatever the method."""
@@ -41,10 +39,8 @@ Time = Annotated[datetime, AfterValidator(_utc)]
 Name = Annotated[str, Field(min_length=1, max_length=100)]  # without a bound, they could not be indexed
 
 
-class Selection(BaseModel):
+class Selection(BaseModel, frozen=True):
     """Which drives are meant: done or failed ones for which all that is said here holds."""
-
-    model_config = ConfigDict(frozen=True)
 
     which: Which = Field(
         Which.OTHER,
@@ -107,16 +103,17 @@ class BatchState(StrEnum):
     CANCELLED = "cancelled"
 
 
-class BatchAccepted(BaseModel):
-    """The answer to a request to process many drives again."""
+_ACCEPTED = {
+    "queued": 12,
+    "complete": True,
+    "method": "raw",
+    "dry_run": False,
+    "links": [{"href": EXAMPLE_BATCH, "rel": "monitor", "type": "application/json"}],
+}
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"queued": 12, "complete": True, "method": "raw", "dry_run": False, "links": [_ANSWER]}
-            ]
-        }
-    )
+
+class BatchAccepted(BaseModel, json_schema_extra={"examples": [_ACCEPTED]}):
+    """The answer to a request to process many drives again."""
 
     queued: int = Field(description="Drives that wait to be processed again; of a dry run: that would.")
     complete: bool = Field(description="False: there are more, which a worker puts into the queue by itself.")
@@ -130,30 +127,28 @@ class BatchAccepted(BaseModel):
     links: list[Link]
 
 
-class Batch(BaseModel):
-    """How far many drives are that are processed again."""
+_EXAMPLE: dict[str, Any] = {
+    "state": "running",
+    "asked_at": "2026-11-20T09:12:44.120Z",
+    "method": "raw",
+    "selection": {"which": "other"},
+    "drives": 12,
+    "queued": 4,
+    "running": 1,
+    "done": 6,
+    "failed": 1,
+    "progress": 0.6125,
+    "links": [{"href": EXAMPLE_BATCH, "rel": "self", "type": "application/json"}],
+}
 
-    model_config = ConfigDict(
-        frozen=True,
-        json_schema_serialization_defaults_required=True,
-        json_schema_extra={
-            "examples": [
-                {
-                    "state": "running",
-                    "asked_at": "2026-11-20T09:12:44.120Z",
-                    "method": "raw",
-                    "selection": {"which": "other"},
-                    "drives": 12,
-                    "queued": 4,
-                    "running": 1,
-                    "done": 6,
-                    "failed": 1,
-                    "progress": 0.6125,
-                    "links": [{"href": EXAMPLE_BATCH, "rel": "self", "type": "application/json"}],
-                }
-            ]
-        },
-    )
+
+class Batch(
+    BaseModel,
+    frozen=True,
+    json_schema_serialization_defaults_required=True,
+    json_schema_extra={"examples": [_EXAMPLE]},
+):
+    """How far many drives are that are processed again."""
 
     state: BatchState = Field(
         description="`enqueuing`: its drives are not all in the queue yet; `cancelled`: those that waited are as they "

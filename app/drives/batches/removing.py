@@ -13,7 +13,7 @@ from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
@@ -24,7 +24,7 @@ from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
 from app.drives.batches import removing_store as store
-from app.drives.batches.documents import BatchRequest, Selection, Which
+from app.drives.batches.documents import BatchRequest, Which
 from app.drives.batches.removing_store import Sums, Targets
 from app.drives.batches.routes import chosen
 from app.jobs.requests.pieces import do_pieces, never
@@ -53,23 +53,18 @@ class RemovalRequest(BatchRequest):
     dry_run: bool = Field(False, description="Only say what would go; change nothing.")
 
 
-class Removal(BaseModel):
-    """What goes, or would go."""
+_EXAMPLE: dict[str, Any] = {
+    "drives": 12,
+    "km": 74.9,
+    "uploaded_bytes": 61_004_311,
+    "dry_run": True,
+    "sentence": "12 drives of 74.9 km, and their logs of 61.0 MB, would be removed for good.",
+    "links": [],
+}
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "drives": 12,
-                    "km": 74.9,
-                    "uploaded_bytes": 61_004_311,
-                    "dry_run": True,
-                    "sentence": "12 drives of 74.9 km, and their logs of 61.0 MB, would be removed for good.",
-                    "links": [],
-                }
-            ]
-        }
-    )
+
+class Removal(BaseModel, json_schema_extra={"examples": [_EXAMPLE]}):
+    """What goes, or would go."""
 
     drives: int
     km: float = Field(description="Driven in all of them.")
@@ -115,7 +110,7 @@ def remove_drives(
                 "drives removed",
                 "1 drive" if sums.drives == 1 else f"{sums.drives} drives",
                 **targets.selection.model_dump(mode="json", exclude_none=True, exclude={"force"}),
-                ids=None if targets.ids is None else [str(one) for one in targets.ids],
+                ids=targets.model_dump(mode="json")["ids"],
                 km=round(sums.km, 1),
             )
     if query.dry_run:
@@ -137,18 +132,14 @@ def remove_drives(
 def removing_task(sessions: Sessions) -> Task:
     """What a worker does for such a request."""
 
-    def run(work: Work, *, asked_at: str, selection: Any, method: str | None, ids: list[str] | None) -> str:
-        numbers = None if ids is None else tuple(uuid.UUID(one) for one in ids)
-        targets = Targets(Selection.model_validate(selection), method, numbers)
+    def run(work: Work, *, asked_at: str, **arguments: Any) -> str:
+        targets = Targets.model_validate(arguments)
         return f"{_remove(sessions, targets, datetime.fromisoformat(asked_at), work.should_stop)} drives"
-
-    def put_back(**_: Any) -> None:
-        """Nothing waits but the job, and that goes back by itself."""
 
     def fail(kind: str, reason: str, **_: Any) -> None:
         logger.error("not all drives could be removed that were to be: %s", reason)
 
-    return Task(store.REMOVE_DRIVES, run, fail, put_back, subject="removal")
+    return Task(store.REMOVE_DRIVES, run, fail, subject="removal")
 
 
 def _remove(
@@ -178,7 +169,7 @@ def _parse_targets(service: Service, query: RemovalRequest) -> Targets:
     # Also those whose log cannot be used: of these one wants to be rid.
     filters |= {"which": query.which or Which.ALL, "force": True}
     selection, method = chosen(service, filters, query.bbox, query.method)
-    return Targets(selection, method, ids)
+    return Targets(selection=selection, method=method, ids=ids)
 
 
 def _ids(query: list[str] | None) -> tuple[uuid.UUID, ...] | None:

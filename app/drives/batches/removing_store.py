@@ -3,12 +3,12 @@ what they said."""
 
 from __future__ import annotations
 
-import json
 import uuid
 from collections.abc import Mapping
 from datetime import datetime
 from typing import Any, NamedTuple
 
+from pydantic import BaseModel
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
@@ -54,8 +54,8 @@ _REMOVE = f"""
 _NOW = text("SELECT clock_timestamp()")
 
 
-class Targets(NamedTuple):
-    """Which drives are to go: by a selection, or by their ids."""
+class Targets(BaseModel, frozen=True):
+    """Which drives are to go: by a selection, or by their ids. As JSON it is the arguments of a job."""
 
     selection: Selection
     method: str | None
@@ -79,9 +79,7 @@ def sums_of(session: Session, targets: Targets) -> Sums:
 def ask(session: Session, targets: Targets) -> datetime:
     """Have a worker remove them, those that are meant at this moment."""
     asked_at: datetime = session.execute(_NOW).scalar_one()
-    ids = None if targets.ids is None else [str(one) for one in targets.ids]
-    selection = targets.selection.model_dump_json(exclude_none=True)
-    arguments = {"selection": json.loads(selection), "method": targets.method, "ids": ids}
+    arguments = targets.model_dump(mode="json")
     add_job(session, REMOVE_DRIVES, lock=ONE_AT_A_TIME, asked_at=asked_at.isoformat(), **arguments)
     return asked_at
 

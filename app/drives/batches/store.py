@@ -145,10 +145,9 @@ _UNDER_WAY = """
 _COUNTS_UNDER_WAY = text(_COUNTS.format(of_batch="") + _UNDER_WAY)
 
 # Rows of one kind become one. Two who do so at once take different rows, or the second none.
-_COUNT_ROWS = text("SELECT count(*) FROM drive_counts")
 _FOLD_COUNTS = text(
     """
-    WITH gone AS (DELETE FROM drive_counts RETURNING *)
+    WITH gone AS (DELETE FROM drive_counts WHERE (SELECT count(*) FROM drive_counts) > :most_rows RETURNING *)
     INSERT INTO drive_counts (day, status, failure_kind, batch_id, drives, distance_m, size_bytes)
     SELECT day, status, failure_kind, batch_id, sum(drives), sum(distance_m), sum(size_bytes) FROM gone
     GROUP BY day, status, failure_kind, batch_id HAVING sum(drives) <> 0 OR sum(size_bytes) <> 0
@@ -303,12 +302,9 @@ def adopt_piece(session: Session, before: Adopted | None = None) -> Adopted | No
     return None if row is None else Adopted(*row)
 
 
-def fold_counts(session: Session, most_rows: int) -> bool:
-    """Add the counts of drives up when there are more rows than that; whether there were."""
-    if int(session.execute(_COUNT_ROWS).scalar_one()) <= most_rows:
-        return False
-    session.execute(_FOLD_COUNTS)
-    return True
+def fold_counts(session: Session, most_rows: int) -> None:
+    """Add the counts of drives up when there are more rows than that."""
+    session.execute(_FOLD_COUNTS, {"most_rows": most_rows})
 
 
 def refresh_statistics(session: Session) -> None:

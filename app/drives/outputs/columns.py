@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any
@@ -13,8 +14,6 @@ from fusion.types import Floats
 
 LINES_AT_ONCE = 1000
 """Of a table that are written in one go, well below a millisecond each."""
-END = "\r\n"
-"""Of a line of CSV (RFC 4180)."""
 
 
 def numbers(values: Floats, digits: int) -> list[float | None]:
@@ -42,22 +41,23 @@ def time_texts(time_s: Floats) -> list[str | None]:
 
 
 def csv_chunks(columns: Mapping[str, Sequence[Any]]) -> Iterator[str]:
-    """The text of a table of these columns of one length, piece by piece, beginning with their names.
+    """The text of a table of these columns of one length, piece by piece, beginning with their names (RFC 4180).
 
     An empty cell is unknown. Texts stand in quotes where they have to.
     """
-    yield ",".join(columns) + END
-    rows = zip(*columns.values(), strict=True)
-    while lines := "".join(",".join(map(_cell, row)) + END for row in islice(rows, LINES_AT_ONCE)):
+    table = csv.writer(_Echo())
+    yield table.writerow(columns)
+    rows = (map(_cell, row) for row in zip(*columns.values(), strict=True))
+    while lines := "".join(map(table.writerow, islice(rows, LINES_AT_ONCE))):
         yield lines
 
 
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    text = str(value)
-    if any(sign in text for sign in ',"\r\n'):
-        return '"' + text.replace('"', '""') + '"'
-    return text
+class _Echo:
+    """What is written to it comes back: a line of a table."""
+
+    def write(self, line: str) -> str:
+        return line
+
+
+def _cell(value: Any) -> Any:
+    return str(value).lower() if isinstance(value, bool) else value

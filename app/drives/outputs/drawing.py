@@ -44,7 +44,7 @@ class Drawing:
         with self._lock:
             for _ in range(2):  # a process that ended while idle, for lack of memory say, is noticed only now
                 try:
-                    return self._draw((profile, title, measurements, datum))
+                    return self._draw(profile, title, measurements, datum)
                 except (EOFError, OSError):
                     self._stop()
         raise NotReadyError(
@@ -56,7 +56,7 @@ class Drawing:
         with self._lock:
             self._stop()
 
-    def _draw(self, picture: tuple[Profile, str, DrawnMeasurements | None, str | None]) -> bytes:
+    def _draw(self, *picture: Profile | str | DrawnMeasurements | None) -> bytes:
         pipe = self._pipe or self._start()
         pipe.send(picture)
         if not pipe.poll(LONGEST_S):

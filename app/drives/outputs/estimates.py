@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from app.core.text import SLOPE_DIGITS, dumps, rounded, utc_text
+from app.core.text import SLOPE_DIGITS, rounded, utc_text
 from app.drives.outputs.columns import csv_chunks
 from app.map.store import DriveSegmentRow
 from fusion.network.combine import NETWORK_ONLY
@@ -37,14 +37,6 @@ def estimate_feature(estimate: DriveSegmentRow) -> dict[str, Any]:
         "combined_drives": combined.drives,
     }
     return own
-
-
-def collection_chunks(members: dict[str, Any], estimates: Sequence[DriveSegmentRow]) -> Iterator[str]:
-    """The text of a FeatureCollection of all estimates, a feature at a time."""
-    yield dumps({"type": "FeatureCollection"} | members)[:-1] + ',"features":['
-    for number, estimate in enumerate(estimates):
-        yield (",\n" if number else "") + dumps(estimate_feature(estimate))
-    yield "]}\n"
 
 
 def estimates_csv(estimates: Sequence[DriveSegmentRow]) -> Iterator[str]:

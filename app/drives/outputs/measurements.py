@@ -9,9 +9,9 @@ import numpy as np
 from app.core.text import LENGTH_DIGITS, SLOPE_DIGITS
 from app.drives.outputs.columns import numbers
 from app.drives.outputs.profile import Profile
-from app.drives.outputs.profile_marks import datum_shift_m, placed_m
+from app.drives.outputs.profile_marks import sensed
 from app.drives.outputs.thinning import thinned
-from fusion.types import DrawnMeasurements
+from fusion.types import DrawnMeasurements, Ints
 
 TIME_DIGITS = 3
 
@@ -24,29 +24,20 @@ def measurements_json(
     Of more, the highest and the lowest of each of equal stretches stay (``thinning``). What lies where the profile
     knows no place is left out.
     """
-    if measurements is None:
-        return {"sensors": []}
-    along_m = placed_m(profile, measurements.time_s)
-    usable = np.isfinite(along_m) & np.isfinite(measurements.value)
     sensors = []
-    for code, name in enumerate(measurements.names):
-        mine = np.flatnonzero(usable & (measurements.sensor == code))
-        if not len(mine):
-            continue
-        value, none = measurements.value[mine], np.zeros(len(mine), np.bool_)
-        is_height = bool(measurements.is_height[mine[0]])
-        shift_m = datum_shift_m(profile, along_m[mine], value) if is_height else None
+    for one in () if measurements is None else sensed(profile, measurements):
+        rows: Ints | slice = slice(None)
         if points is not None:
-            rows = thinned(points, along_m[mine], (value,), none, none)
-            mine, value = mine[rows], value[rows]
+            none = np.zeros(len(one.value), np.bool_)
+            rows = thinned(points, one.along_m, (one.value,), none, none)
         sensors.append(
             {
-                "name": name,
-                "is_height": is_height,
-                "shift_m": None if shift_m is None else round(shift_m, LENGTH_DIGITS),
-                "along_m": numbers(along_m[mine], LENGTH_DIGITS),
-                "time_s": numbers(measurements.time_s[mine], TIME_DIGITS),
-                "value": numbers(value, LENGTH_DIGITS) if is_height else numbers(100 * value, SLOPE_DIGITS),
+                "name": one.name,
+                "is_height": one.is_height,
+                "shift_m": None if one.shift_m is None else round(one.shift_m, LENGTH_DIGITS),
+                "along_m": numbers(one.along_m[rows], LENGTH_DIGITS),
+                "time_s": numbers(one.time_s[rows], TIME_DIGITS),
+                "value": numbers(one.value[rows], LENGTH_DIGITS if one.is_height else SLOPE_DIGITS),
             }
         )
     return {"sensors": sensors}

@@ -6,7 +6,7 @@ Knows no database, no route, no picture and no file (``profile_document``).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -23,39 +23,30 @@ LEAST_COSINE = 0.5
 
 @dataclass(frozen=True)
 class RoadFacts:
-    """What a profile uses of a segment: its bearing, clockwise from north, from from_node to to_node.
+    """What a profile uses of a segment: its ends, (lon, lat) in degrees, and what it is.
 
     ``dem_heights_m`` are the elevation model's at equal distances over its ``length_m``; empty where there are none.
     """
 
-    bearing_rad: float
+    from_deg: tuple[float, float]
+    to_deg: tuple[float, float]
     bridge: bool
     tunnel: bool
     length_m: float = math.nan
-    dem_heights_m: tuple[float, ...] = ()
+    dem_heights_m: Sequence[float] = ()
 
-    @classmethod
-    def between(
-        cls,
-        start_deg: tuple[float, float],
-        end_deg: tuple[float, float],
-        *,
-        bridge: bool,
-        tunnel: bool,
-        length_m: float = math.nan,
-        dem_heights_m: Iterable[float] | None = None,
-    ) -> RoadFacts:
-        """The facts of a segment from its ends, (lon, lat)."""
-        (lon0, lat0), (lon1, lat1) = start_deg, end_deg
+    @property
+    def bearing_rad(self) -> float:
+        """Clockwise from north, from from_node to to_node."""
+        (lon0, lat0), (lon1, lat1) = self.from_deg, self.to_deg
         turn = math.remainder(lon1 - lon0, 360.0) * math.cos(math.radians((lat0 + lat1) / 2))
-        bearing = math.atan2(turn, lat1 - lat0)
-        return cls(bearing, bridge, tunnel, length_m, tuple(dem_heights_m or ()))
+        return math.atan2(turn, lat1 - lat0)
 
 
 def table_facts(table: RoadTable, segment: Ints) -> dict[int, RoadFacts]:
     """The facts of the segments of a table that occur in ``segment``, by row; -1 is none."""
     return {
-        int(s): RoadFacts.between(
+        int(s): RoadFacts(
             (float(table.lon0_deg[s]), float(table.lat0_deg[s])),
             (float(table.lon1_deg[s]), float(table.lat1_deg[s])),
             bridge=bool(table.bridge[s]),
@@ -114,13 +105,17 @@ def build_profile(
     one epoch.
     """
     placed = np.isfinite(track.lat_deg) & np.isfinite(track.lon_deg)
-    segment = segment_id[placed]
-    along_m = track.distance_m[placed]
-    driven = _Driven.of(segment, slopes, roads or {})
+    segment, along_m = segment_id[placed], track.distance_m[placed]
+    # What is known of each segment once: a drive of hours has tens of thousands of epochs.
+    each, row = np.unique(segment, return_inverse=True)
+    facts = [(roads or {}).get(int(s), _UNKNOWN) for s in each]
+    estimates = [slopes.get(int(s), (math.nan, math.nan)) for s in each]
+    slope, slope_sigma = np.array(estimates, float).reshape(-1, 2).T[:, row]
+    properties = [(f.bearing_rad, f.bridge, f.tunnel) for f in facts]
+    bearing, bridge, tunnel = np.array(properties, float).reshape(-1, 3).T[:, row]
     forward = _directions(segment, along_m)
-    forward = np.where(forward == 0, driven.headed(track.heading_rad[placed]), forward)
-    signs = np.where(forward == 0, np.nan, forward)
-    grade, sigma = _grade_percent(track)
+    forward = np.where(forward == 0, _headed(track.heading_rad[placed], bearing), forward)
+    grade, grade_sigma = _grade_percent(track)
     return Profile(
         time_s=track.time_s[placed],
         lon_deg=track.lon_deg[placed],
@@ -128,80 +123,49 @@ def build_profile(
         distance_m=_driven_m(track.lat_deg[placed], track.lon_deg[placed]),
         alt_m=track.alt_m[placed],
         alt_sigma_m=track.alt_sigma_m[placed],
-        slope_percent=driven.of_each("slope_percent") * signs,
-        slope_sigma_percent=driven.of_each("slope_sigma_percent"),
+        slope_percent=slope * np.where(forward == 0, np.nan, forward),
+        slope_sigma_percent=slope_sigma,
         grade_percent=grade[placed],
-        grade_sigma_percent=sigma[placed],
+        grade_sigma_percent=grade_sigma[placed],
         segment_id=segment,
         forward=forward,
         gap=(np.diff(track.time_s[placed], prepend=-np.inf) > PAUSE_S) | track.after_outage[placed],
         has_gnss=track.has_gnss[placed],
-        bridge=driven.of_each("bridge") > 0,
-        tunnel=driven.of_each("tunnel") > 0,
-        dem_height_m=driven.dem_height_m(along_m),
+        bridge=bridge > 0,
+        tunnel=tunnel > 0,
+        dem_height_m=_dem_heights_m(facts, row, along_m),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Driven:
-    """Facts of the segments of a drive, each segment once: a drive of hours has tens of thousands of epochs.
-
-    ``row`` is an epoch's place in all other columns but ``knots_m``, which holds the heights of the elevation model of
-    one segment after the other, ``knots`` of each.
-    """
-
-    row: Ints
-    slope_percent: Floats
-    slope_sigma_percent: Floats
-    bearing_rad: Floats
-    bridge: Floats
-    tunnel: Floats
-    length_m: Floats
-    knots: Ints
-    knots_m: Floats
-
-    @classmethod
-    def of(
-        cls, segment: Ints, slopes: Mapping[int, tuple[float, float]], roads: Mapping[int, RoadFacts]
-    ) -> _Driven:
-        """What estimates and roads say of the segments of these epochs."""
-        each, row = np.unique(segment, return_inverse=True)
-        estimates = [slopes.get(int(s), (math.nan, math.nan)) for s in each]
-        facts = [roads.get(int(s), _UNKNOWN) for s in each]
-        slope, sigma = np.array(estimates, float).reshape(-1, 2).T
-        properties = [(f.bearing_rad, f.bridge, f.tunnel, f.length_m, len(f.dem_heights_m)) for f in facts]
-        bearing, bridge, tunnel, length, knots = np.array(properties, float).reshape(-1, 5).T
-        heights = np.fromiter((h for f in facts for h in f.dem_heights_m), float)
-        return cls(row, slope, sigma, bearing, bridge, tunnel, length, knots.astype(np.int64), heights)
-
-    def of_each(self, column: str) -> Floats:
-        """A column as one value per epoch."""
-        values: Floats = getattr(self, column)[self.row]
-        return values
-
-    def headed(self, heading_rad: Floats) -> Ints:
-        """+1, -1 or 0 per epoch: whether the vehicle heads along its segment, against it, or unknown."""
-        cosine = np.nan_to_num(np.cos(heading_rad - self.of_each("bearing_rad")))
-        return np.where(np.abs(cosine) > LEAST_COSINE, np.sign(cosine), 0).astype(np.int64)
-
-    def dem_height_m(self, along_m: Floats) -> Floats:
-        """The elevation model's height at each epoch, at a distance from its segment's from_node."""
-        heights = np.full(len(self.row), np.nan)
-        share = np.clip(along_m / self.length_m[self.row], 0.0, 1.0)
-        usable = np.flatnonzero(np.isfinite(share) & (self.knots[self.row] > 1))
-        row = self.row[usable]
-        at = share[usable] * (self.knots[row] - 1)
-        before = np.minimum(at.astype(np.int64), self.knots[row] - 2)
-        first = np.cumsum(self.knots)[row] - self.knots[row] + before
-        rest = at - before
-        start, end = self.knots_m[first], self.knots_m[first + 1]
-        # At a knot its own height counts alone, also where the model does not know the next one.
-        between = start + rest * (end - start)
-        heights[usable] = np.where(rest <= 0, start, np.where(rest >= 1, end, between))
-        return heights
+def _headed(heading_rad: Floats, bearing_rad: Floats) -> Ints:
+    """+1, -1 or 0 per epoch: whether the vehicle heads along its segment, against it, or unknown."""
+    cosine = np.nan_to_num(np.cos(heading_rad - bearing_rad))
+    return np.where(np.abs(cosine) > LEAST_COSINE, np.sign(cosine), 0).astype(np.int64)
 
 
-_UNKNOWN = RoadFacts(math.nan, bridge=False, tunnel=False)
+def _dem_heights_m(facts: Sequence[RoadFacts], row: Ints, along_m: Floats) -> Floats:
+    """The elevation model's height at each epoch; ``row`` is that of its segment in ``facts``, ``along_m`` the distance
+    from the segment's from_node."""
+    length_m = np.array([f.length_m for f in facts], float)
+    knots = np.array([len(f.dem_heights_m) for f in facts], np.int64)
+    knots_m = np.fromiter((h for f in facts for h in f.dem_heights_m), float)
+    heights = np.full(len(row), np.nan)
+    share = np.clip(along_m / length_m[row], 0.0, 1.0)
+    usable = np.flatnonzero(np.isfinite(share) & (knots[row] > 1))
+    row = row[usable]
+    at = share[usable] * (knots[row] - 1)
+    before = np.minimum(at.astype(np.int64), knots[row] - 2)
+    first = np.cumsum(knots)[row] - knots[row] + before
+    rest = at - before
+    start, end = knots_m[first], knots_m[first + 1]
+    # At a knot its own height counts alone, also where the model does not know the next one.
+    between = start + rest * (end - start)
+    heights[usable] = np.where(rest <= 0, start, np.where(rest >= 1, end, between))
+    return heights
+
+
+_NOWHERE = (math.nan, math.nan)
+_UNKNOWN = RoadFacts(_NOWHERE, _NOWHERE, bridge=False, tunnel=False)
 
 
 def _directions(segment: Ints, distance_m: Floats) -> Ints:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,24 +54,41 @@ class Dots:
     value: Floats
 
 
-def dots_of(profile: Profile, measurements: DrawnMeasurements) -> Iterator[Dots]:
-    """Each sensor's dots, thinned evenly to ``MOST_DOTS``; heights on another datum moved, which the label says."""
-    distance = placed_m(profile, measurements.time_s)
-    usable = np.isfinite(distance) & np.isfinite(measurements.value)
+class Sensed(NamedTuple):
+    """One sensor's measurements on the profile's axis, shape (n,) each: heights in m, grades in percent."""
+
+    name: str
+    is_height: bool
+    along_m: Floats
+    time_s: Floats
+    value: Floats
+    shift_m: float | None
+    """What moves heights on another datum to the profile's; None for grades."""
+
+
+def sensed(profile: Profile, measurements: DrawnMeasurements) -> Iterator[Sensed]:
+    """Each sensor's measurements; those that lie where the profile knows no place are left out."""
+    along_m = placed_m(profile, measurements.time_s)
+    usable = np.isfinite(along_m) & np.isfinite(measurements.value)
     for code, name in enumerate(measurements.names):
         mine = np.flatnonzero(usable & (measurements.sensor == code))
         if not len(mine):
             continue
-        label, colour = _LOOKS.get(name, (name, _OTHER_LOOK))
-        where, value = distance[mine], measurements.value[mine]
+        where, value = along_m[mine], measurements.value[mine]
         is_height = bool(measurements.is_height[mine[0]])
-        if is_height:
-            moved = datum_shift_m(profile, where, value)
-            value, label = value + moved, label + (f", moved by {moved:+.0f} m" if moved else "")
-        else:
-            value = 100 * value
-        thinning = slice(None, None, -(-len(mine) // MOST_DOTS))
-        yield Dots(label, colour, is_height, where[thinning], value[thinning])
+        shift_m = datum_shift_m(profile, where, value) if is_height else None
+        value = value if is_height else 100 * value
+        yield Sensed(name, is_height, where, measurements.time_s[mine], value, shift_m)
+
+
+def dots_of(profile: Profile, measurements: DrawnMeasurements) -> Iterator[Dots]:
+    """Each sensor's dots, thinned evenly to ``MOST_DOTS``; heights on another datum moved, which the label says."""
+    for one in sensed(profile, measurements):
+        label, colour = _LOOKS.get(one.name, (one.name, _OTHER_LOOK))
+        moved = one.shift_m or 0.0
+        thinning = slice(None, None, -(-len(one.value) // MOST_DOTS))
+        label += f", moved by {moved:+.0f} m" if moved else ""
+        yield Dots(label, colour, one.is_height, one.along_m[thinning], one.value[thinning] + moved)
 
 
 def placed_m(profile: Profile, time_s: Floats) -> Floats:

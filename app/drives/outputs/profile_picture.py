@@ -65,13 +65,12 @@ def profile_png(
     measurements: DrawnMeasurements | None = None,
     *,
     datum: str | None = None,
-    dpi: int = DPI,
 ) -> bytes:
     """A PNG with height above and slope below, each with its 95 % band, over the distance driven.
 
     ``measurements``: what the sensors said, drawn as pale dots behind. ``datum``: a sentence on what heights refer to.
     """
-    return written(profile_figure(profile, printable(title), measurements, datum=datum, dpi=dpi), "png")
+    return written(profile_figure(profile, printable(title), measurements, datum=datum), "png")
 
 
 def written(figure: Figure, kind: str) -> bytes:
@@ -87,19 +86,19 @@ def profile_figure(
     measurements: DrawnMeasurements | None = None,
     *,
     datum: str | None = None,
-    dpi: int = DPI,
 ) -> Figure:
     """The figure: two axes over the distance driven, of which nothing is drawn across an interruption."""
     figure = Figure(
-        figsize=SIZE_IN, dpi=dpi, layout=ConstrainedLayoutEngine(rect=(0, NOTES_Y, 1, TITLE_Y - NOTES_Y))
+        figsize=SIZE_IN, dpi=DPI, layout=ConstrainedLayoutEngine(rect=(0, NOTES_Y, 1, TITLE_Y - NOTES_Y))
     )
     FigureCanvasAgg(figure)
     height, slope = figure.subplots(2, 1, sharex=True, height_ratios=(1, 1))
     dots = () if measurements is None else tuple(dots_of(profile, measurements))
-    _draw_heights(height, profile, [d for d in dots if d.is_height])
-    _draw_slopes(slope, profile, [d for d in dots if not d.is_height])
-    _dress(height, profile, [d for d in dots if d.is_height], keyed=True)
-    _dress(slope, profile, [d for d in dots if not d.is_height], keyed=False)
+    heights, grades = [d for d in dots if d.is_height], [d for d in dots if not d.is_height]
+    _draw_heights(height, profile, heights)
+    _draw_slopes(slope, profile, grades)
+    _dress(height, profile, heights, keyed=True)
+    _dress(slope, profile, grades, keyed=False)
     height.set_ylabel("Height of the road (m)")
     slope.set_ylabel("Grade in the direction of travel (%)")
     slope.set_xlabel("Distance driven (km)")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, dumps, rounded, utc_text
+from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, collection_chunks, utc_text
+from app.drives.outputs.columns import numbers, time_texts
 from fusion.types import PAUSE_S, Ints, Track
 
 _COLUMNS = ("alt_m", "h_sigma_m", "alt_sigma_m", "speed_mps", "distance_m")
@@ -24,11 +27,7 @@ def track_chunks(track: Track, segment_id: Ints, members: dict[str, Any] | None 
     ``distance_m`` (along the segment from its from_node) and ``has_gnss``. Unknown is null. Heights are
     properties and not coordinates, because RFC 7946 wants those above the ellipsoid.
     """
-    head = dumps({"type": "FeatureCollection"} | (members or {}))
-    yield head[:-1] + ',"features":[' + dumps(path_feature(track))
-    for epoch in range(len(track)):
-        yield ",\n" + dumps(point_feature(track, segment_id, epoch))
-    yield "]}\n"
+    return collection_chunks(chain([path_feature(track)], point_features(track, segment_id)), members)
 
 
 def path_feature(track: Track) -> dict[str, Any]:
@@ -48,27 +47,23 @@ def path_feature(track: Track) -> dict[str, Any]:
     }
 
 
-def point_feature(track: Track, segment_id: Ints, epoch: int) -> dict[str, Any]:
-    """An epoch as a Point Feature; its geometry is null where the position is unknown."""
-    lon = rounded(float(track.lon_deg[epoch]), COORDINATE_DIGITS)
-    lat = rounded(float(track.lat_deg[epoch]), COORDINATE_DIGITS)
-    placed = lon is not None and lat is not None
-    segment = int(segment_id[epoch])
-    properties: dict[str, Any] = {"time": time_text(float(track.time_s[epoch]))}
-    for name in _COLUMNS:
-        properties[name] = rounded(float(getattr(track, name)[epoch]), LENGTH_DIGITS)
-    heading = float(np.degrees(track.heading_rad[epoch]) % 360)
-    properties |= {
-        "heading_deg": rounded(heading, 2),
-        "pitch_deg": rounded(float(np.degrees(track.pitch_rad[epoch])), 3),
-        "pitch_sigma_deg": rounded(float(np.degrees(track.pitch_sigma_rad[epoch])), 3),
-        "segment_id": segment if segment >= 0 else None,
-        "has_gnss": bool(track.has_gnss[epoch]),
+def point_features(track: Track, segment_id: Ints) -> Iterator[dict[str, Any]]:
+    """Each epoch as a Point Feature; its geometry is null where the position is unknown."""
+    on_road = replace(track, distance_m=np.where(segment_id >= 0, track.distance_m, np.nan))
+    columns: dict[str, list[Any]] = {
+        "time": time_texts(track.time_s),
+        **{name: numbers(getattr(on_road, name), LENGTH_DIGITS) for name in _COLUMNS},
+        "heading_deg": numbers(np.degrees(track.heading_rad) % 360, 2),
+        "pitch_deg": numbers(np.degrees(track.pitch_rad), 3),
+        "pitch_sigma_deg": numbers(np.degrees(track.pitch_sigma_rad), 3),
+        "segment_id": [segment if segment >= 0 else None for segment in segment_id.tolist()],
+        "has_gnss": track.has_gnss.tolist(),
     }
-    if segment < 0:
-        properties["distance_m"] = None
-    geometry = {"type": "Point", "coordinates": [lon, lat]} if placed else None
-    return {"type": "Feature", "geometry": geometry, "properties": properties}
+    places = (numbers(track.lon_deg, COORDINATE_DIGITS), numbers(track.lat_deg, COORDINATE_DIGITS))
+    for lon, lat, *values in zip(*places, *columns.values(), strict=True):
+        placed = lon is not None and lat is not None
+        geometry = {"type": "Point", "coordinates": [lon, lat]} if placed else None
+        yield {"type": "Feature", "geometry": geometry, "properties": dict(zip(columns, values, strict=True))}
 
 
 def time_text(time_s: float) -> str | None:

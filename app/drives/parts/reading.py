@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -13,18 +13,20 @@ from fastapi import Query, Response
 from fastapi.responses import StreamingResponse
 from sqlalchemy import text
 from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
 
+from app.core.admission import PARTS
 from app.core.db import fetch_binary
 from app.core.errors import NotAcceptableError, NotFoundError
-from app.core.http import JSON, existing, geojson_answer, preferred
-from app.core.text import GEO_JSON, columns_text, dumps
+from app.core.http import JSON, Service, existing, geojson_answer, preferred
+from app.core.text import GEO_JSON, collection_chunks, columns_text, dumps
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
-from app.drives.outputs.estimates import collection_chunks, estimates_csv
+from app.drives.outputs.estimates import estimate_feature, estimates_csv
 from app.drives.outputs.measurements import measurements_json
 from app.drives.outputs.profile import Profile, RoadFacts, build_profile
-from app.drives.outputs.profile_document import profile_csv, profile_json
+from app.drives.outputs.profile_document import fewer, profile_csv, profile_json
 from app.drives.outputs.thinning import LEAST, MOST
 from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import DriveSegmentRow
@@ -72,6 +74,39 @@ ESTIMATES_CONTENT = {
 }
 
 
+class RunParts(NamedTuple):
+    """A run of a drive that is done, its own last one or a trial of it: what its parts are made of.
+
+    It is read while the session is open that it was found in.
+    """
+
+    ids: dict[str, str]
+    """What its documents begin with."""
+    stem: str
+    """What the names of its files begin with."""
+    profile: Callable[[], Profile]
+    measurements: Callable[[], DrawnMeasurements | None]
+
+
+FindRun = Callable[[Session], RunParts]
+"""Finds a run; raises where there is none, or none that is done."""
+
+
+def run_of_drive(drive_id: uuid.UUID) -> FindRun:
+    """Finds the last successful run of the drive."""
+
+    def find(session: Session) -> RunParts:
+        drive, track = drive_and_track(session, drive_id)
+        return RunParts(
+            {"drive_id": str(drive.id)},
+            stem_of(drive.filename),
+            lambda: drive_profile(session, drive_id, track),
+            lambda: tracks.read_measurements(session, drive_id),
+        )
+
+    return find
+
+
 def drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[Drive, Track]:
     """The drive and the track of its last successful run; ``NotFoundError`` says why there is none."""
     drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
@@ -89,9 +124,7 @@ def profile_of(session: Session, track: Track, slopes: Mapping[int, tuple[float,
     """
     ids = np.unique(track.segment[track.segment >= 0])  # -1 is none
     facts = {
-        number: RoadFacts.between(
-            (lon0, lat0), (lon1, lat1), bridge=bridge, tunnel=tunnel, length_m=length_m, dem_heights_m=heights
-        )
+        number: RoadFacts((lon0, lat0), (lon1, lat1), bridge, tunnel, length_m, heights or ())
         for number, lon0, lat0, lon1, lat1, bridge, tunnel, length_m, heights in fetch_binary(
             session, _ROADS, {"ids": ids}
         )
@@ -161,21 +194,35 @@ def in_blocks(chunks: Iterator[str], size: int = BLOCK_BYTES) -> Iterator[str]:
     yield "".join(waiting)
 
 
-def profile_answer(form: str, profile: Profile, members: Mapping[str, str], stem: str) -> Response:
-    """The profile as a CSV file whose name begins with ``stem``, or as JSON that begins with ``members``."""
-    if form == "csv":
-        headers = as_file(f"{stem}-profile.csv")
-        return Response("".join(profile_csv(profile)), media_type=CSV, headers=headers)
-    return Response(columns_text({**members, **profile_json(profile)}), media_type=JSON, headers=VARY)
+async def profile_answer(service: Service, find: FindRun, form: str, points: int | None) -> Response:
+    """The profile of a run as a CSV file, or as JSON."""
+
+    def answer() -> Response:
+        with service.reading() as session:
+            run = find(session)
+            profile = fewer(run.profile(), points)
+        if form == "csv":
+            headers = as_file(f"{run.stem}-profile.csv")
+            return Response("".join(profile_csv(profile)), media_type=CSV, headers=headers)
+        return Response(columns_text({**run.ids, **profile_json(profile)}), media_type=JSON, headers=VARY)
+
+    async with service.request_classes[PARTS].place():
+        return await run_in_threadpool(answer)
 
 
-def measurements_answer(
-    members: Mapping[str, str], profile: Profile, measurements: DrawnMeasurements | None, points: int | None
-) -> Response:
-    """The measurements as compact JSON that begins with ``members``, a part of a column at a time."""
-    document = measurements_json(profile, measurements, points)
-    sensors = b",".join(columns_text(sensor) for sensor in document["sensors"])
-    return Response(dumps(members)[:-1].encode() + b',"sensors":[' + sensors + b"]}", media_type=JSON)
+async def measurements_answer(service: Service, find: FindRun, points: int | None) -> Response:
+    """The measurements of a run as compact JSON, a part of a column at a time."""
+
+    def answer() -> Response:
+        with service.reading() as session:
+            run = find(session)
+            profile, measurements = run.profile(), run.measurements()
+        document = measurements_json(profile, measurements, points)
+        sensors = b",".join(columns_text(sensor) for sensor in document["sensors"])
+        return Response(dumps(run.ids)[:-1].encode() + b',"sensors":[' + sensors + b"]}", media_type=JSON)
+
+    async with service.request_classes[PARTS].place():
+        return await run_in_threadpool(answer)
 
 
 def estimates_answer(
@@ -185,5 +232,5 @@ def estimates_answer(
     if form == "csv":
         chunks, headers = estimates_csv(estimates), as_file(f"{stem}-segments.csv")
     else:
-        chunks, headers = collection_chunks(members, estimates), VARY
+        chunks, headers = collection_chunks(map(estimate_feature, estimates), members), VARY
     return StreamingResponse(in_blocks(chunks), media_type=ESTIMATES[form], headers=headers)

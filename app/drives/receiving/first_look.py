@@ -1,7 +1,7 @@
 """The first look at an upload: its first bytes tell, while they arrive, whether its files can be a drive's log.
 
-Knows no request and no store. It holds as much of one file, unpacked, as the library needs to recognise a log. Formats
-are loaded when the first file has arrived.
+Knows no request and no store. It holds as much of one file as the library needs to recognise a log. Formats are loaded
+when the first file has arrived.
 """
 
 from __future__ import annotations
@@ -14,8 +14,12 @@ from fusion.formats.container import GZIP_MAGIC, up_to_damage
 
 HEAD_BYTES = 4 << 20
 """As the library's own (a test holds them equal)."""
+_HELD_BYTES = HEAD_BYTES + (64 << 10)
+"""Of one file: a gzip of what cannot be compressed is a little longer than that."""
 _EARLY_BYTES = 64 << 10
 """Enough to recognise most logs; a recognised file is not held any longer."""
+_STEP_BYTES = 64 << 10
+"""Unpacked at a time: zlib copies what follows each of many small members."""
 _LAYERS = 2
 _GZIP_WBITS = 31
 
@@ -29,8 +33,7 @@ class FirstLook:
     def __init__(self, columns: Mapping[str, str] | None = None) -> None:
         """``columns``: how the files' headers call ours."""
         self._columns = columns or {}
-        self._head: _Head | None = None
-        self._known = False
+        self._head: bytearray | None = None
         self._files = 0
         self._any_known = False
         self._fault: LogError | None = None
@@ -39,19 +42,17 @@ class FirstLook:
         """The next file; the one before has ended."""
         self._end()
         self._files += 1
-        self._head, self._known = _Head(), False
+        self._head = bytearray()
 
     def feed(self, data: bytes) -> None:
         """The next bytes of the file."""
         if self._head is None:
             return
-        before = len(self._head.data)
-        self._head.feed(data)
-        if before < _EARLY_BYTES <= len(self._head.data):
-            self._known = self._fault_of(bytes(self._head.data)) is None
-        if self._known:
+        before = len(self._head)
+        self._head += data[: _HELD_BYTES - before]
+        if before < _EARLY_BYTES <= len(self._head) and self._fault_of(bytes(self._head)) is None:
             self._any_known, self._head = True, None
-        elif self._head.full:
+        elif len(self._head) == _HELD_BYTES:
             self._end()
 
     def check(self) -> None:
@@ -67,7 +68,7 @@ class FirstLook:
     def _end(self) -> None:
         if self._head is None:
             return
-        fault = self._head.fault() or self._fault_of(bytes(self._head.data))
+        fault = self._fault_of(bytes(self._head))
         self._head = None
         if fault is None:
             self._any_known = True
@@ -79,67 +80,39 @@ class FirstLook:
 
         try:
             # Whether others follow is not known yet, but the first of several may lack what the others have.
-            refuse_head(head, part=self._files > 1, columns=self._columns)
+            refuse_head(_unpacked(head), part=self._files > 1, columns=self._columns)
         except LogError as error:
             return error
         return None
 
 
-class _Head:
-    """The beginning of a file, unpacked from at most two layers of gzip."""
-
-    def __init__(self, layers: int = _LAYERS) -> None:
-        self.data = bytearray()
-        self._layers = layers
-        self._member: zlib._Decompress | None = None
-        self._inner: _Head | None = None
-        self._over = False
-
-    @property
-    def full(self) -> bool:
-        """Whether more bytes change nothing."""
-        return self._over or len(self.data) >= HEAD_BYTES
-
-    def feed(self, data: bytes) -> None:
-        """Take the next bytes of the file."""
-        if self.full:
-            return
-        if self._inner is None and self._layers and len(self.data) < len(GZIP_MAGIC):
-            data, self.data = bytes(self.data) + data, bytearray()
-            if data.startswith(GZIP_MAGIC):
-                self._inner, self._member = _Head(self._layers - 1), zlib.decompressobj(_GZIP_WBITS)
-        if self._inner is not None:
-            self._unpack(data)
-        else:
-            self.data += data[: HEAD_BYTES - len(self.data)]
-
-    def fault(self) -> LogError | None:
-        """What is wrong with the packing, if nothing of a log came out of it."""
-        if self._inner is not None:
-            if not self._inner.data and self._inner._inner is None:
-                return MalformedLogError(
-                    "The file holds the beginning of a gzip and nothing that can be unpacked. Upload the whole file."
-                )
-            return self._inner.fault()
-        if not self._layers and self.data[:2] == GZIP_MAGIC:
-            return MalformedLogError(
-                "The file is gzipped more than twice. Unpack it and upload the log itself."
+def _unpacked(head: bytes) -> bytes:
+    """What the beginning of a file unpacks to, at most ``HEAD_BYTES``; ``MalformedLogError`` where that is no log's."""
+    for _ in range(_LAYERS):
+        if not head.startswith(GZIP_MAGIC):
+            break
+        head = _gunzipped(head)
+        if not head:
+            raise MalformedLogError(
+                "The file holds the beginning of a gzip and nothing that can be unpacked. Upload the whole file."
             )
-        return None
+    if head.startswith(GZIP_MAGIC):
+        raise MalformedLogError("The file is gzipped more than twice. Unpack it and upload the log itself.")
+    return head[:HEAD_BYTES]
 
-    def _unpack(self, packed: bytes) -> None:
-        assert self._inner is not None  # noqa: S101 - the caller looked
-        while packed and self._member is not None and not self._inner.full:
-            before = self._member.copy()
+
+def _gunzipped(packed: bytes) -> bytes:
+    """The members of a gzip one after the other, up to where it ends or is damaged, or there is enough."""
+    unpacked, at, view = bytearray(), 0, memoryview(packed)
+    while packed.startswith(GZIP_MAGIC, at):
+        member = zlib.decompressobj(_GZIP_WBITS)
+        while at < len(packed) and not member.eof:
+            before, step = member.copy(), view[at : at + _STEP_BYTES]
             try:
-                self._inner.feed(self._member.decompress(packed, HEAD_BYTES))
+                unpacked += member.decompress(step, HEAD_BYTES)
             except zlib.error:
-                self._inner.feed(up_to_damage(before, packed))
-                self._member = None
-                break
-            packed = self._member.unconsumed_tail
-            if self._member.eof:
-                packed = self._member.unused_data
-                self._member = zlib.decompressobj(_GZIP_WBITS) if packed[:2] == GZIP_MAGIC else None
-        self.data = self._inner.data
-        self._over = self._inner.full or self._member is None
+                return bytes(unpacked + up_to_damage(before, step))
+            if len(unpacked) >= HEAD_BYTES:
+                return bytes(unpacked)
+            at += len(step) - len(member.unused_data)
+    return bytes(unpacked)

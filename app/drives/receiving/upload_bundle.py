@@ -30,7 +30,7 @@ class UploadBundle:
         keep_free_bytes: int,
         expected_bytes: int,
         max_content_bytes: int,
-        look: FirstLook | None = None,
+        look: FirstLook,
     ) -> None:
         """The limits are those of ``BlobStore.writer``; of several files each has its own content, none a sum.
 
@@ -51,8 +51,7 @@ class UploadBundle:
         for piece in joined(pieces):
             if piece.file == len(self._names):
                 self._begin(piece.name)
-            if self._look is not None:
-                self._look.feed(piece.data)
+            self._look.feed(piece.data)
             if self._zip is not None:
                 self._zip.write(piece.data)
                 continue
@@ -68,8 +67,7 @@ class UploadBundle:
         """
         names = ", ".join(self._names)[:FILENAME_LENGTH]
         content = self._content()
-        if self._look is not None:
-            self._look.check()
+        self._look.check()
         return self._writer.finish(content), names
 
     def discard(self) -> None:
@@ -92,16 +90,14 @@ class UploadBundle:
         if not is_zip(self._head):
             return None
         with self._writer.reopened() as file:
-            if self._look is not None:
-                self._look.again()
+            self._look.again()
             return content_of_zip(file, self._max_content_bytes, self._look)
 
     def _begin(self, name: str) -> None:
         if len(self._names) == 1:
             self._begin_zip()
         self._names.append(name)
-        if self._look is not None:
-            self._look.begin()
+        self._look.begin()
         if self._zip is not None:
             self._zip.begin(name)
 

@@ -165,7 +165,7 @@ def _own_name(name: str, used: Iterable[str]) -> str:
     return own
 
 
-def content_of_zip(file: BinaryIO, max_bytes: int, look: FirstLook | None = None) -> str:
+def content_of_zip(file: BinaryIO, max_bytes: int, look: FirstLook) -> str:
     """Identity of the files in a zip; ``file`` can seek, ``max_bytes`` is the most that they may unpack to together.
 
     Left out is what holds nothing (folders, empty files) and what systems add of their own. ``look`` sees each. Raises
@@ -241,17 +241,15 @@ def _check(members: list[zipfile.ZipInfo], packed: int, max_bytes: int) -> None:
         )
 
 
-def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, max_bytes: int, look: FirstLook | None) -> str:
+def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, max_bytes: int, look: FirstLook) -> str:
     content, first = ContentHash(max_bytes), True
-    if look is not None:
-        look.begin()
+    look.begin()
     with archive.open(info) as member:
         while piece := member.read(CHUNK_BYTES):
             if first and is_zip(piece):
                 raise _nested(_shown(info))
             content.update(piece)
-            if look is not None:
-                look.feed(piece)
+            look.feed(piece)
             first = False
     return content.content_sha256()
 

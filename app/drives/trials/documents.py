@@ -8,7 +8,7 @@ from datetime import timedelta
 from enum import StrEnum
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables.requests import TRIAL_STATUSES
@@ -42,14 +42,8 @@ TRIAL_EXAMPLE: dict[str, Any] = {
 TrialStatus = StrEnum("TrialStatus", {name.upper(): name for name in TRIAL_STATUSES})  # type: ignore[misc]
 
 
-class Trial(Request):
+class Trial(Request, json_schema_extra={"examples": [TRIAL_EXAMPLE]}):
     """A drive computed by another method or with other options, for a look at it."""
-
-    model_config = ConfigDict(
-        frozen=True,
-        json_schema_serialization_defaults_required=True,
-        json_schema_extra={"examples": [TRIAL_EXAMPLE]},
-    )
 
     drive_id: uuid.UUID
     method: str = Field(description="The estimator asked for.")
@@ -76,29 +70,19 @@ class Trial(Request):
         return cls.model_validate({**columns, "failure": Failure.of(columns), "expires_at": expires})
 
 
-class TrialList(BaseModel):
+class TrialList(BaseModel, json_schema_extra={"examples": [{"trials": [TRIAL_EXAMPLE]}]}):
     """The trials of a drive, the newest first."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"trials": [TRIAL_EXAMPLE]}]})
 
     trials: list[Trial]
 
 
-class TrialAccepted(BaseModel):
-    """The answer to a request for a trial."""
+_ACCEPTED = {name: TRIAL_EXAMPLE[name] for name in ("id", "drive_id", "status", "links")} | {
+    "status": "queued"
+}
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "id": EXAMPLE_TRIAL_ID,
-                    "drive_id": EXAMPLE_ID,
-                    "status": "queued",
-                    "links": [{"href": EXAMPLE_TRIAL, "rel": "self", "type": "application/json"}],
-                }
-            ]
-        }
-    )
+
+class TrialAccepted(BaseModel, json_schema_extra={"examples": [_ACCEPTED]}):
+    """The answer to a request for a trial."""
 
     id: uuid.UUID
     drive_id: uuid.UUID

@@ -10,9 +10,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from sqlalchemy.orm import Session
-from starlette.concurrency import run_in_threadpool
 
-from app.core.admission import PARTS
 from app.core.errors import NotDoneError, NotFoundError
 from app.core.http import JSON, BaseUrl, ServiceDep, existing, link, problems
 from app.core.http import link_documents as documents
@@ -22,8 +20,7 @@ from app.drives import tracks
 from app.drives.documents import Drive
 from app.drives.method_choice import MethodQuery, asked_positioning, chosen_anew
 from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
-from app.drives.outputs.profile import Profile
-from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA, fewer
+from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.drives.parts.reading import (
     CSV,
     ESTIMATES,
@@ -31,7 +28,9 @@ from app.drives.parts.reading import (
     OVERRIDES,
     PROFILE_CSV,
     EstimatesQuery,
+    FindRun,
     PointsQuery,
+    RunParts,
     estimates_answer,
     form_of,
     measurements_answer,
@@ -153,16 +152,7 @@ async def trial_profile(
 ) -> Response:
     """As `/v1/drives/{drive_id}/profile`, with the trial's heights, grades and slopes. 409 until it is done."""
     form = form_of(f, request.headers.get("accept"), PROFILES)
-
-    def answer() -> Response:
-        with service.reading() as session:
-            trial, result = _done(session, drive_id, trial_id)
-            drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
-            profile = fewer(_profile(session, result), points)
-        return profile_answer(form, profile, _ids(trial), f"{stem_of(drive.filename)}-{trial.method}")
-
-    async with service.request_classes[PARTS].place():
-        return await run_in_threadpool(answer)
+    return await profile_answer(service, _run_of(drive_id, trial_id), form, points)
 
 
 @router.get(
@@ -181,16 +171,7 @@ async def trial_measurements(
     drive_id: uuid.UUID, trial_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None
 ) -> Response:
     """As `/v1/drives/{drive_id}/measurements`: what is taken off each depends on the method. 409 until it is done."""
-
-    def answer() -> Response:
-        with service.reading() as session:
-            trial, result = _done(session, drive_id, trial_id)
-            profile = _profile(session, result)
-        measured = None if result.measurements is None else tracks.decode_measurements(result.measurements)
-        return measurements_answer(_ids(trial), profile, measured, points)
-
-    async with service.request_classes[PARTS].place():
-        return await run_in_threadpool(answer)
+    return await measurements_answer(service, _run_of(drive_id, trial_id), points)
 
 
 @router.get(
@@ -220,25 +201,31 @@ def trial_segments(
     """
     form = form_of(f, request.headers.get("accept"), ESTIMATES)
     with service.reading() as session:
-        trial, result = _done(session, drive_id, trial_id)
-        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+        trial, result, stem = _done(session, drive_id, trial_id)
         slopes = decode_slopes(result.slopes)
         rows = beside_the_map(slopes, segments_by_id(session, [slope.segment for slope in slopes]))
     links = documents([link(f"{trial_address(base, trial)}/segments", "self", GEO_JSON)])
     members = {"attribution": attribution(), "numberReturned": len(rows), "links": links}
-    return estimates_answer(form, rows, members, f"{stem_of(drive.filename)}-{trial.method}")
+    return estimates_answer(form, rows, members, stem)
 
 
-def _profile(session: Session, result: store.Result) -> Profile:
-    slopes = {
-        slope.segment: (slope.slope_percent, slope.slope_sigma_percent)
-        for slope in decode_slopes(result.slopes)
-    }
-    return profile_of(session, tracks.decode(result.track), slopes)
+def _run_of(drive_id: uuid.UUID, trial_id: uuid.UUID) -> FindRun:
+    """Finds the trial, once it is done."""
 
+    def find(session: Session) -> RunParts:
+        trial, result, stem = _done(session, drive_id, trial_id)
+        slopes = {
+            slope.segment: (slope.slope_percent, slope.slope_sigma_percent)
+            for slope in decode_slopes(result.slopes)
+        }
+        return RunParts(
+            {"drive_id": str(drive_id), "trial_id": str(trial.id)},
+            stem,
+            lambda: profile_of(session, tracks.decode(result.track), slopes),
+            lambda: None if result.measurements is None else tracks.decode_measurements(result.measurements),
+        )
 
-def _ids(trial: Trial) -> dict[str, str]:
-    return {"drive_id": str(trial.drive_id), "trial_id": str(trial.id)}
+    return find
 
 
 def _get_trial(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial:
@@ -248,11 +235,13 @@ def _get_trial(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Tr
     return trial
 
 
-def _done(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> tuple[Trial, store.Result]:
-    """The trial and what it yielded; ``NotDoneError`` and ``NotFoundError`` say why there is nothing."""
+def _done(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> tuple[Trial, store.Result, str]:
+    """The trial, what it yielded, and what names of its files begin with; ``NotDoneError`` and ``NotFoundError`` say
+    why there is nothing."""
     trial = _get_trial(session, drive_id, trial_id)
     if (result := store.result_of(session, trial)) is not None:
-        return trial, result
+        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+        return trial, result, f"{stem_of(drive.filename)}-{trial.method}"
     if trial.failure is not None:
         raise NotFoundError(f"The trial {trial_id} failed and has no result. {trial.failure.reason}")
     raise NotDoneError(

@@ -12,7 +12,7 @@ import time
 from app.core.telemetry import tracing
 from app.core.telemetry.logs import about, tell
 from app.drives import tracks
-from app.drives.computing import Computed, RunProgress, compute, fault_of
+from app.drives.computing import Computed, RunProgress, compute, failure_of
 from app.drives.trials import store
 from app.drives.trials.documents import Trial
 from app.drives.trials.store import encode_slopes, trials
@@ -54,8 +54,7 @@ def _failure(error: Exception, run: RequestRun[Trial]) -> Failure | None:
     """What the log or the method is to blame for, and faults of the service; None: the database was lost."""
     if is_connection_loss(error):
         return None
-    stage = run.progress.stage or "reading"
-    return Failure(*fault_of(error, "trial", run.request.id, stage), stage)
+    return failure_of(error, "trial", run.request.id, run.progress.stage or "reading")
 
 
 TRIAL = RequestKind(

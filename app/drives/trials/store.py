@@ -55,16 +55,8 @@ _FORGET = text(
 )
 _GET_RESULT = text("SELECT track, measurements, slopes FROM drive_trials WHERE id = :id AND status = 'done'")
 
-_ANEW: Mapping[str, Any] = {
-    "status": "queued",
-    "stage": None,
-    "progress": 0,
-    "failure_kind": None,
-    "failure_reason": None,
-    "failure_where": None,
-    "started_at": None,
-    "finished_at": None,
-}
+_FORMER = ("stage", "failure_kind", "failure_reason", "failure_where", "started_at", "finished_at")
+_ANEW: Mapping[str, Any] = {"status": "queued", "progress": 0, **dict.fromkeys(_FORMER)}
 
 
 class Result(NamedTuple):

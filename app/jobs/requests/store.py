@@ -25,7 +25,7 @@ NOW = func.clock_timestamp()
 UNDER_WAY = ("queued", "running")
 
 
-class Request(BaseModel):
+class Request(BaseModel, frozen=True, json_schema_serialization_defaults_required=True):
     """What the document of every request has, and what only the service knows of it."""
 
     id: uuid.UUID

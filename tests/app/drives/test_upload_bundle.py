@@ -19,6 +19,7 @@ from app.core.errors import BadRequestError, StorageFullError
 from app.core.receiving.body import Piece
 from app.drives.intake import register_upload
 from app.drives.process import Outcome
+from app.drives.receiving.first_look import FirstLook
 from app.drives.receiving.upload_bundle import UploadBundle
 from app.jobs.context import JobContext
 from fusion.formats import read_log
@@ -147,7 +148,9 @@ def blobs(request: pytest.FixtureRequest, tmp_path: Path) -> BlobStore:
 
 
 def bundle_in(blobs: BlobStore) -> UploadBundle:
-    return UploadBundle(blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 20)
+    return UploadBundle(
+        blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 20, look=FirstLook()
+    )
 
 
 def test_every_store_keeps_files_and_zips_and_forgets_what_is_refused(blobs: BlobStore) -> None:
@@ -198,7 +201,9 @@ def test_observations_and_navigation_that_came_apart_are_positioned_and_fused(
 ) -> None:
     raw = canyon_of(simulate_drive(town, 7, 120.0)).raw()
     texts = {"brdc.rnx": navigation(raw.navigation), "drive.rnx": observations(raw.signals)}
-    sent = UploadBundle(context.blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 24)
+    sent = UploadBundle(
+        context.blobs, keep_free_bytes=0, expected_bytes=0, max_content_bytes=1 << 24, look=FirstLook()
+    )
     sent.take([Piece(k, name, text.encode()) for k, (name, text) in enumerate(texts.items())])
     blob, name = sent.finish()
     drive, _ = register_upload(context.sessions, context.blobs, blob, filename=name, method="profile")

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from app.core.content import ContentHash
 from app.core.errors import BadRequestError, BodyTooLargeError, ServiceError, UnsupportedBodyError
+from app.drives.receiving.first_look import FirstLook
 from app.drives.receiving.zips import ZipWriter, content_of_files, content_of_zip
 
 MAX_BYTES = 80 << 20
@@ -50,7 +51,7 @@ def bundled(files: Mapping[str, bytes], piece: int = 1000) -> tuple[bytes, str]:
 
 
 def content(data: bytes, max_bytes: int = MAX_BYTES) -> str:
-    return content_of_zip(io.BytesIO(data), max_bytes)
+    return content_of_zip(io.BytesIO(data), max_bytes, FirstLook())
 
 
 def of_one(data: bytes) -> str:

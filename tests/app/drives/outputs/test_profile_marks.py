@@ -48,13 +48,11 @@ def profile() -> Profile:
     [((8.0, 49.0), 0.0), ((9.0, 48.0), np.pi / 2), ((8.0, 47.0), np.pi), ((7.0, 48.0), -np.pi / 2)],
 )
 def test_the_bearing_is_clockwise_from_north(end: tuple[float, float], bearing: float) -> None:
-    assert RoadFacts.between((8.0, 48.0), end, bridge=False, tunnel=False).bearing_rad == pytest.approx(
-        bearing
-    )
+    assert RoadFacts((8.0, 48.0), end, bridge=False, tunnel=False).bearing_rad == pytest.approx(bearing)
 
 
 def test_the_bearing_across_the_date_line() -> None:
-    facts = RoadFacts.between((179.999, 10.0), (-179.999, 10.0), bridge=True, tunnel=False)
+    facts = RoadFacts((179.999, 10.0), (-179.999, 10.0), bridge=True, tunnel=False)
     assert (facts.bearing_rad, facts.bridge) == (pytest.approx(np.pi / 2), True)
 
 

@@ -171,7 +171,7 @@ def test_one_epoch_on_a_segment_goes_as_the_vehicle_heads(heading: float, forwar
     segment = track.segment.copy()
     segment[15] = 9
     track = replace(track, segment=segment, heading_rad=np.full(len(track), heading))
-    facts = {9: RoadFacts.between((8.4, 49.0), (8.4, 49.1), bridge=False, tunnel=False)}
+    facts = {9: RoadFacts((8.4, 49.0), (8.4, 49.1), bridge=False, tunnel=False)}
     p = build_profile(track, segment, {9: (5.0, 1.0)}, facts)
     assert p.forward[15] == forward
     assert p.forward[14] == 1, "a run of epochs tells by itself"

@@ -17,7 +17,7 @@ from pyproj import Geod
 from app.drives.outputs.profile import Profile, build_profile
 from app.drives.outputs.profile_document import profile_json
 from app.drives.outputs.profile_picture import profile_png
-from app.drives.outputs.track import path_feature, point_feature, track_chunks
+from app.drives.outputs.track import path_feature, point_features, track_chunks
 from fusion.types import Track
 
 UNKNOWN = float("nan")
@@ -103,7 +103,7 @@ def test_any_track_is_valid_json_with_a_point_per_epoch(rows: list[tuple[float, 
     t = track(np.arange(len(rows)), lat, np.full(len(rows), 8.0), segment, np.arange(len(rows)))
     text = "".join(track_chunks(t, t.segment))
     document = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
-    points = [point_feature(t, t.segment, epoch) for epoch in range(len(t))]
+    points = list(point_features(t, t.segment))
     assert document == {"type": "FeatureCollection", "features": [path_feature(t), *points]}
     assert len(document["features"]) == len(rows) + 1
     for feature, (latitude, matched) in zip(document["features"][1:], rows, strict=True):

@@ -1,17 +1,20 @@
-"""The results of a drive over HTTP: track, elevation profile and estimates. Knows no SQL and draws nothing."""
+"""The parts of a drive over HTTP: track, elevation profile, estimates, what its sensors said, and its log as it came.
+
+Knows no SQL and draws nothing.
+"""
 
 from __future__ import annotations
 
 import logging
 import uuid
-from typing import Annotated, Literal
+from typing import Annotated, Any, BinaryIO, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
-from app.core.admission import PARTS
+from app.core.errors import NotFoundError
 from app.core.http import (
     JSON,
     BaseUrl,
@@ -21,6 +24,7 @@ from app.core.http import (
     geojson_answer,
     geojson_response,
     link,
+    not_modified,
     problems,
     with_query,
 )
@@ -29,10 +33,11 @@ from app.core.query import cursor_of, parse_cursor
 from app.core.text import GEO_JSON
 from app.drives import store as drives
 from app.drives import tracks
-from app.drives.documents import drive_address
+from app.drives.documents import Drive, drive_address
 from app.drives.outputs.drawing import Drawing
 from app.drives.outputs.estimates import estimate_feature
-from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA, fewer
+from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
+from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.drives.outputs.profile_marks import datum_words
 from app.drives.outputs.track import TRACK_EXAMPLE, track_chunks
 from app.drives.outputs.track_files import track_csv, track_gpx
@@ -46,21 +51,29 @@ from app.drives.parts.reading import (
     EstimatesQuery,
     PointsQuery,
     as_file,
+    attachment,
     drive_and_track,
     drive_profile,
     estimates_answer,
     form_of,
     in_blocks,
+    measurements_answer,
     profile_answer,
+    run_of_drive,
     stem_of,
     text_content,
 )
+from app.exports.ranges import file_answer
 from app.map.segment import attribution
 from app.map.segments import MAX_ID, CursorQuery
 from app.map.store import drive_segment_rows
 
 PNG = "image/png"
 GPX = "application/gpx+xml"
+BYTES = "application/octet-stream"
+BLOCK_BYTES = 2**20
+"""Fetched of a bucket at once."""
+ZIP = b"PK\x03\x04"
 TRACKS = {"geojson": GEO_JSON, "csv": CSV, "gpx": GPX}
 PROFILES = {"json": JSON, "png": PNG, "csv": CSV}
 
@@ -73,6 +86,10 @@ _GPX_EXAMPLE = (
     '<trkpt lat="48.9912000" lon="8.4812000"><ele>143.21</ele><time>2026-11-20T07:55:10.000Z</time></trkpt>'
     "</trkseg></trk></gpx>"
 )
+
+_FILE: dict[str, Any] = {
+    "content": {BYTES: {"schema": {"type": "string", "format": "binary"}, "example": "(the bytes)"}}
+}
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
@@ -153,8 +170,7 @@ async def get_profile(
     """
     form = form_of(f, request.headers.get("accept"), PROFILES)
     if form != "png":
-        async with service.request_classes[PARTS].place():
-            return await run_in_threadpool(_profile_text, service, drive_id, form, points)
+        return await profile_answer(service, run_of_drive(drive_id), form, points)
     picture = await run_in_threadpool(_kept_picture, service, drive_id)
     if picture is None:
         drawing: Drawing = request.app.state.drawing
@@ -220,11 +236,60 @@ def drive_segments(
     return geojson_response(document, VARY)
 
 
-def _profile_text(service: Service, drive_id: uuid.UUID, form: str, points: int | None) -> Response:
+@router.get(
+    "/{drive_id}/measurements",
+    summary="What a drive's sensors said",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Columns over the distance driven, of each sensor.",
+            "content": {JSON: {"schema": MEASUREMENTS_SCHEMA, "example": MEASUREMENTS_EXAMPLE}},
+        },
+        **problems(404, 422, 503),
+    },
+)
+async def drive_measurements(
+    drive_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None
+) -> Response:
+    """What stands behind the profile: heights and grades as each sensor has them, placed on the profile's axis.
+
+    `points` is of each sensor. Methods that tell of no measurements have none.
+    """
+    return await measurements_answer(service, run_of_drive(drive_id), points)
+
+
+@router.get(
+    "/{drive_id}/log",
+    summary="A drive's log as it was uploaded",
+    response_class=Response,
+    responses={
+        200: {"description": "The file.", **_FILE},
+        206: {"description": "The part of it that `Range` asks for.", **_FILE},
+        304: {"description": "Unchanged since the ETag."},
+        **problems(404, 416, 503),
+    },
+)
+def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Response:
+    """The bytes as they came, under their name; of several files the zip that they are kept as.
+
+    Resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the file.
+    """
     with service.reading() as session:
-        drive, track = drive_and_track(session, drive_id)
-        profile = fewer(drive_profile(session, drive_id, track), points)
-    return profile_answer(form, profile, {"drive_id": str(drive.id)}, stem_of(drive.filename))
+        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+    etag, size = f'"{drive.sha256}"', drive.size_bytes
+    shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
+    if unchanged := not_modified(request, shared):
+        return unchanged
+
+    def opened() -> tuple[BinaryIO, dict[str, str]]:
+        file = _opened(service, drive)
+        return file, shared | {
+            "Content-Disposition": attachment(_name(drive, file)),
+            "X-Content-Type-Options": "nosniff",
+            "Content-Security-Policy": "sandbox",
+        }
+
+    return file_answer(request, etag, size, BYTES, opened)
 
 
 def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:
@@ -250,3 +315,22 @@ def _picture(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
     except SQLAlchemyError as error:  # it is a picture nevertheless
         log.warning("the picture of drive %s is not kept: %s", drive_id, error)
     return picture
+
+
+def _opened(service: Service, drive: Drive) -> BinaryIO:
+    try:
+        return service.blobs.open(drive.blob_key, BLOCK_BYTES)
+    except FileNotFoundError:
+        raise NotFoundError(
+            f"The uploaded file of drive {drive.id} is no longer in the service's storage. What was computed of it "
+            "stays; upload the same file again, and the drive has it again."
+        ) from None
+
+
+def _name(drive: Drive, file: BinaryIO) -> str:
+    """The name to keep the file under: several files are kept as one zip."""
+    if ", " not in drive.filename or drive.filename.lower().endswith(".zip"):
+        return drive.filename
+    head = file.read(len(ZIP))
+    file.seek(0)
+    return f"{drive.filename}.zip" if head == ZIP else drive.filename
