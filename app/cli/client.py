@@ -151,18 +151,9 @@ class Client:
             time.sleep(pause)
             pause = min(LAST_POLL_S, pause * 1.5)
 
-    def drive_segments(self, drive_id: str) -> list[dict[str, Any]]:
-        """The features of one drive's own estimates, all pages."""
-        return [one for page in self.pages(f"/v1/drives/{drive_id}/segments") for one in page["features"]]
-
-    def segments(
-        self, bbox: tuple[float, float, float, float] | None = None, limit: int = 1000
-    ) -> Iterator[dict[str, Any]]:
-        """Every segment of the map (within west, south, east, north), following ``next`` links."""
-        params: dict[str, Any] = {"limit": limit}
-        if bbox is not None:
-            params["bbox"] = ",".join(f"{x:.7f}" for x in bbox)
-        for page in self.pages("/collections/segments/items", params):
+    def features(self, address: str, **params: Any) -> Iterator[dict[str, Any]]:
+        """The features of a collection, such as a drive's own estimates, all pages."""
+        for page in self.pages(address, params):
             yield from page["features"]
 
     def get(self, address: str, *, accept: str | None = None) -> httpx.Response:

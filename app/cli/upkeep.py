@@ -41,8 +41,7 @@ def backup(
     console: Console = ctx.obj
     started = time.perf_counter()
     folder = folder.expanduser().absolute()
-    named, embedded = settings_for(data_dir), True if data_dir else None
-    with as_it_is(named, embedded=embedded) as (settings, factory), console.progress() as bars:
+    with as_it_is(settings_for(data_dir)) as (settings, factory), console.progress() as bars:
         manifest = back_up(settings, factory, folder, bars.work("backup"))
     seconds = time.perf_counter() - started
     typer.echo(f"{folder}: {_backup_summary(manifest)}, in {seconds:.1f} s.")
@@ -72,17 +71,16 @@ def restore(
     started = time.perf_counter()
     folder = folder.expanduser().absolute()
     named = settings_for(data_dir)
-    embedded = data_dir is not None or named.database_url is None
     with console.progress() as bars:
         manifest = bringing_back.checked(folder, bars.work("backup"))
     if dry_run:
         typer.echo(f"{folder}: {_backup_summary(manifest)}; every file is as it was.")
         write_json(json_file, _backup_figures(manifest) | {"folder": str(folder), "dry_run": True})
         return
-    with as_it_is(named, embedded=embedded, make=True) as (settings, factory), console.progress() as bars:
+    with as_it_is(named, make=True) as (settings, factory), console.progress() as bars:
         restored = bringing_back.restore(settings, factory, folder, manifest, bars.work("restore"))
         assert settings.database_url is not None  # noqa: S101 - as_it_is() sees to it
-        if embedded:
+        if named.database_url is None:  # the embedded one
             migrate.upgrade(settings.database_url, finish=True)
         standing = migrate.standing_of(settings.database_url)
     seconds = time.perf_counter() - started
@@ -150,9 +148,9 @@ def doctor(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path
     from app.upkeep.doctor import Patient, examine
 
     console: Console = ctx.obj
-    named, embedded = settings_for(data_dir), True if data_dir else None
+    named = settings_for(data_dir)
     try:
-        with as_it_is(named, embedded=embedded) as (settings, factory), console.progress() as bars:
+        with as_it_is(named) as (settings, factory), console.progress() as bars:
             findings = examine(Patient(settings, factory), bars.work("looking"))
     except UnreachableError as error:
         findings = examine(Patient(named, None, str(error)))

@@ -7,12 +7,12 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import JSON_FILE
+from app.cli.options import JSON_FILE, flag, opt
 
 if TYPE_CHECKING:
     from app.demo.run import DemoResult
@@ -34,11 +34,9 @@ app = typer.Typer(add_completion=False)
 @app.command("demo")
 def demo(
     ctx: typer.Context,
-    serve: Annotated[bool, typer.Option("--serve", help="Keep serving the result until Ctrl-C.")] = False,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Where the results go.")
-    ] = Path("demo"),
-    port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port; 0 for any free one.")] = 0,
+    serve: bool = flag("Keep serving the result until Ctrl-C.", "--serve"),
+    output: Path = opt("Where the results go.", "--output", "-o", default=Path("demo"), metavar="DIR"),
+    port: int = opt("TCP port; 0 for any free one.", default=0, min=0, max=65535),
     json_file: Path | None = JSON_FILE,
 ) -> None:
     """Simulate a town and drives, run them through a service of its own, and compare with the truth.

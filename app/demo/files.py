@@ -13,7 +13,8 @@ import numpy as np
 
 from app.demo.run import DemoResult
 from app.demo.score import Score
-from app.map.picture.slope_map import MapSegments
+from app.map.picture.slope_map import stored_segments
+from app.map.segment import Segment
 
 CREDIT = "Simulated town; no real place. Made by `versant demo`."
 
@@ -33,12 +34,16 @@ ERROR_COLUMNS = (
 
 def write_files(result: DemoResult, folder: Path) -> dict[str, Path]:
     """Write slopes.geojson, slopes.png, profile.png and errors.csv; returns what each is and where."""
+    from app.map.picture.slope_picture import write_map  # noqa: PLC0415 - it draws with matplotlib
+
     folder.mkdir(parents=True, exist_ok=True)
     geojson, picture = folder / "slopes.geojson", folder / "slopes.png"
     profile, errors = folder / "profile.png", folder / "errors.csv"
     document = {"type": "FeatureCollection", "attribution": CREDIT, "features": result.features}
     geojson.write_text(json.dumps(document, separators=(",", ":")) + "\n", encoding="utf-8")
-    draw_map(result.features, picture, title="Slopes measured by the simulated drives", credit=CREDIT)
+    segments = [Segment(**f["properties"], coordinates=f["geometry"]["coordinates"]) for f in result.features]
+    title = "Slopes measured by the simulated drives"
+    write_map(picture, stored_segments(segments), title=title, credit=CREDIT)
     profile.write_bytes(result.profile_png)
     _write_errors(result, errors)
     return {
@@ -47,26 +52,6 @@ def write_files(result: DemoResult, folder: Path) -> dict[str, Path]:
         "elevation profile of one drive": profile,
         "every slope beside the truth": errors,
     }
-
-
-def draw_map(features: Sequence[Mapping[str, Any]], path: Path, *, title: str, credit: str) -> None:
-    """Draw a service's features as a slope map."""
-    from app.map.picture.slope_picture import write_map  # noqa: PLC0415 - it draws with matplotlib
-
-    ends = np.array([[f["geometry"]["coordinates"][0], f["geometry"]["coordinates"][-1]] for f in features])
-    columns = [f["properties"] for f in features]
-    segments = MapSegments(
-        lon0_deg=ends[:, 0, 0],
-        lat0_deg=ends[:, 0, 1],
-        lon1_deg=ends[:, 1, 0],
-        lat1_deg=ends[:, 1, 1],
-        slope_percent=_column(columns, "slope_percent"),
-        slope_sigma_percent=_column(columns, "slope_sigma_percent"),
-        bridge=np.array([bool(c["bridge"]) for c in columns]),
-        tunnel=np.array([bool(c["tunnel"]) for c in columns]),
-        name=np.array([c["name"] for c in columns], np.object_),
-    )
-    write_map(path, segments, title=title, credit=credit)
 
 
 def map_address(service: str, features: Sequence[Mapping[str, Any]]) -> str:
@@ -95,10 +80,6 @@ def figures(result: DemoResult) -> dict[str, Any]:
 
 def _figures(one: Score) -> dict[str, Any]:
     return {**asdict(one), "coverage": one.coverage}
-
-
-def _column(columns: Sequence[Mapping[str, Any]], name: str) -> Any:
-    return np.array([np.nan if c[name] is None else c[name] for c in columns], float)
 
 
 def _write_errors(result: DemoResult, path: Path) -> None:

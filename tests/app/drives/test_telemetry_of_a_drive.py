@@ -180,7 +180,9 @@ def test_a_trace_goes_on_from_the_request_to_the_worker(
         assert of_stage.parent is not None and of_stage.parent.span_id == run.context.span_id
         assert (of_stage.attributes or {})["versant.drive"] == drive
     assert (run.attributes or {})["versant.outcome"] == "done"
-    solves = [span for span in traced() if span.name == "solve"]  # a solver that found nothing left is one too
+    solves = [
+        span for span in traced() if span.name == "solve"
+    ]  # a solver that found nothing left is one too
     assert sum((span.attributes or {})["versant.cells"] for span in solves) >= 1
     said = " ".join(str(dict(span.attributes or {})) for span in traced())
     assert COORDINATE.search(said) is None and "x.csv" not in said
