@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,11 +42,7 @@ def track(
     from app.cli.positions import TRACK_WRITERS, Positions
 
     console: Console = ctx.obj
-    if out.suffix.lower() not in TRACK_WRITERS:
-        raise typer.BadParameter(
-            f"No track is written to files ending in {out.suffix!r}. Choose .csv or .geojson.",
-            param_hint="'--out'",
-        )
+    _usable(out, "track", TRACK_WRITERS)
     named = cli.parse_columns(columns)
     options = cli.positioning_options(gnss, gnss_option)
     tracks: list[Positions] = []
@@ -79,6 +75,15 @@ def track(
         raise typer.Exit(1)
 
 
+def _usable(out: Path, what: str, suffixes: Collection[str]) -> None:
+    """Refuse, before any work, a suffix that nothing is written to."""
+    if out.suffix.lower() not in suffixes:
+        raise typer.BadParameter(
+            f"No {what} is written to files ending in {out.suffix!r}. Choose {' or '.join(suffixes)}.",
+            param_hint="'--out'",
+        )
+
+
 def _positioned(
     source: cli.LogFiles,
     gnss: str,
@@ -109,10 +114,8 @@ def gnss_study(
     from fusion.published.positioning.study import study
 
     console: Console = ctx.obj
-    if out is not None and out.suffix.lower() != ".png":
-        raise typer.BadParameter(
-            f"No picture is written to files ending in {out.suffix!r}. Choose .png.", param_hint="'--out'"
-        )
+    if out is not None:
+        _usable(out, "picture", [".png"])
     options = cli.positioning_options(gnss, gnss_option)
     with console.progress() as bars:
         (drive,) = cli.drives_of(logs, together=True)

@@ -64,12 +64,9 @@ def map_address(service: str, features: Sequence[Mapping[str, Any]]) -> str:
 def figures(result: DemoResult) -> dict[str, Any]:
     """What ``--json`` says."""
     return {
-        "scores": {name: _figures(s) for name, s in result.scores().items()},
-        "by_kind": {name: _figures(s) for name, s in result.scores_by_kind().items()},
-        "by_structure": {
-            kind: {name: _figures(s) for name, s in scores.items()}
-            for kind, scores in result.scores_by_structure().items()
-        },
+        "scores": _figures(result.scores()),
+        "by_kind": _figures(result.scores_by_kind()),
+        "by_structure": {kind: _figures(scores) for kind, scores in result.scores_by_structure().items()},
         "drives": [
             {"file": path.name, "drive": drive.id, "report": drive.document.get("report")}
             for path, drive in zip(result.bundle.drives, result.drives, strict=True)
@@ -78,8 +75,8 @@ def figures(result: DemoResult) -> dict[str, Any]:
     }
 
 
-def _figures(one: Score) -> dict[str, Any]:
-    return {**asdict(one), "coverage": one.coverage}
+def _figures(scores: Mapping[str, Score]) -> dict[str, Any]:
+    return {name: asdict(score) for name, score in scores.items()}
 
 
 def _write_errors(result: DemoResult, path: Path) -> None:
