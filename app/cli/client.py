@@ -26,6 +26,16 @@ TIMEOUT_S = httpx.Timeout(60.0, connect=5.0)
 FIRST_POLL_S, LAST_POLL_S = 0.1, 2.0
 """Pause between two looks at a drive; it grows from the first to the last by halves."""
 
+_TROUBLE: dict[type[Exception], str] = {
+    httpx.ConnectError: "No Versant service answers at {server}. Start one with `versant up`, or name another with "
+    "--server or VERSANT_SERVER.",
+    httpx.TimeoutException: "The service at {server} did not answer in time. It may be overloaded; try again.",
+    httpx.InvalidURL: "{server!r} is no address: {reason}. Write it as http://host:port.",
+    httpx.TransportError: "The connection to {server} broke ({reason}). Try again: what was uploaded completely is not "
+    "stored twice.",
+}
+"""What is said where no answer comes: of the first kind that an error is of."""
+
 BytesSent = Callable[[int], None]
 DriveSeen = Callable[["RemoteDrive"], None]
 
@@ -168,24 +178,10 @@ class Client:
         """Ask anything of the service; an error answer raises ``ClientError`` with its sentence."""
         try:
             answer = self._http.request(verb, address, **arguments)
-        except httpx.ConnectError as error:
-            raise ClientError(
-                f"No Versant service answers at {self.server}. Start one with `versant up`, or name another "
-                "with --server or VERSANT_SERVER."
-            ) from error
-        except httpx.TimeoutException as error:
-            raise ClientError(
-                f"The service at {self.server} did not answer in time. It may be overloaded; try again."
-            ) from error
-        except httpx.InvalidURL as error:
-            raise ClientError(
-                f"{self.server!r} is no address: {error}. Write it as http://host:port."
-            ) from error
-        except httpx.TransportError as error:
-            raise ClientError(
-                f"The connection to {self.server} broke ({error or type(error).__name__}). Try again: "
-                "what was uploaded completely is not stored twice."
-            ) from error
+        except (httpx.TransportError, httpx.InvalidURL) as error:
+            sentence = next(text for kind, text in _TROUBLE.items() if isinstance(error, kind))
+            reason = str(error) or type(error).__name__
+            raise ClientError(sentence.format(server=self.server, reason=reason)) from error
         if answer.is_error:
             raise ClientError(_refusal(answer))
         return answer

@@ -51,8 +51,7 @@ def up(
         with open_cluster(settings) as cluster:
             ready = settings.model_copy(update={"database_url": cluster.url})
             with Service(ready, console, cluster=cluster) as service:
-                for line in welcome(service, settings):
-                    typer.echo(line)
+                typer.echo("\n".join(welcome(service, settings)))
                 service.serve_forever()
     console.note("Stopped.")
 

@@ -52,10 +52,10 @@ def demo(
     started = time.perf_counter()
     with stop_signals():
         console.note("Starting a database, an API and a worker of its own ...")
-        with demo_service(console, port) as (service, settings):
+        with demo_service(console, port) as service:
             console.note(f"Serving at {service.address}. Simulating, importing, uploading ...")
             with console.progress() as bars:
-                result = run_demo(service, settings, output / "input", bars)
+                result = run_demo(service, output / "input", bars)
             files = write_files(result, output)
             show_scores(console, result)
             typer.echo(f"\nDone in {time.perf_counter() - started:.0f} s. Open:")
@@ -68,7 +68,7 @@ def demo(
                 )  # as it was called
                 typer.echo(f"On a map in your browser: {program} demo --serve")
                 return
-            typer.echo(f"Still serving at {service.address} until Ctrl-C. {reach(settings)}")
+            typer.echo(f"Still serving at {service.address} until Ctrl-C. {reach(service.settings)}")
             typer.echo(f"Open the map: {map_address(service.address, result.features)}")
             service.serve_forever()
         return

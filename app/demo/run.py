@@ -90,7 +90,7 @@ class DemoResult:
 
 
 @contextmanager
-def demo_service(console: Console, port: int = 0) -> Iterator[tuple[Service, Settings]]:
+def demo_service(console: Console, port: int = 0) -> Iterator[Service]:
     """API and worker on a database in a folder of its own, which is removed at the end."""
     # Not durable: nobody misses this database after a power cut, and it starts in half the time.
     with (
@@ -102,12 +102,11 @@ def demo_service(console: Console, port: int = 0) -> Iterator[tuple[Service, Set
             database_url=cluster.url, data_dir=Path(folder), port=port, host="127.0.0.1", log_level="WARNING"
         )
         with Service(settings, console, cluster=cluster) as service:
-            yield service, service.settings
+            yield service
 
 
 def run_demo(
     service: Service,
-    settings: Settings,
     folder: Path,
     bars: Bars,
     *,
@@ -125,7 +124,7 @@ def run_demo(
     with _timed("simulate", seconds):
         bundle = write_all(folder, drives, seed, duration_s=duration_s, progress=bars.work("simulating"))
     with _timed("import", seconds):
-        _import(settings, bundle, bars)
+        _import(service.settings, bundle, bars)
     with Client(service.address) as client:
         with _timed("fuse", seconds):
             done = _upload(client, bundle.drives, options or {}, bars)

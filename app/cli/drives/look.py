@@ -77,8 +77,7 @@ def show(
     """Show what is known of a drive: its file, its times, its result, its warnings; all of its report with --json."""
     with service_client(server) as client:
         document = client.drive(drive).document
-    for line in drive_lines(document):
-        typer.echo(line)
+    typer.echo("\n".join(drive_lines(document)))
     write_json(json_file, document)
 
 
