@@ -226,18 +226,17 @@ def _gauges(app: FastAPI) -> metrics.Gauges | None:
         return None
 
 
-def describe(app: FastAPI, *completing: Callable[[dict[str, Any]], None]) -> None:
+def describe(app: FastAPI, complete: Callable[[dict[str, Any]], None]) -> None:
     """Make ``app.openapi`` answer with problem documents in place of FastAPI's own error models.
 
-    ``completing`` add what subjects know.
+    ``complete`` adds what subjects know.
     """
     derive = app.openapi
 
     def corrected() -> dict[str, Any]:
         if app.openapi_schema is None:
             app.openapi_schema = _corrected(derive())
-            for complete in completing:
-                complete(app.openapi_schema)
+            complete(app.openapi_schema)
         return app.openapi_schema
 
     app.openapi = corrected  # type: ignore[method-assign]

@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType, TracebackType
-from typing import Any, Protocol, Self
+from types import FrameType
+from typing import Protocol, Self
 
 from app.cli.console import Console
 from app.core.settings import ENV_PREFIX, Settings
@@ -40,9 +40,6 @@ _MEMORY_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 class Process(Protocol):
     """A child's process, with the methods of ``subprocess.Popen`` that are used."""
-
-    pid: int
-    returncode: int | Any
 
     def poll(self) -> int | None:
         """Exit status, None while it runs."""
@@ -95,10 +92,10 @@ class Child:
     def look_after(self, console: Console) -> None:
         """Start it again if it has ended, after a pause that doubles from crash to crash."""
         now = time.monotonic()
-        if self.process is not None and self.process.poll() is not None:
+        ended = None if self.process is None else self.process.poll()
+        if ended is not None:
             self.pause_s = 1.0 if now - self.started_s > STEADY_S else min(self.pause_s * 2, LONGEST_PAUSE_S)
             self.restart_s = now + self.pause_s
-            ended = self.process.returncode
             if ended == BEGIN_ANEW:
                 self.pause_s, self.restart_s = 1.0, now
             else:
@@ -142,9 +139,7 @@ class Children:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def await_ready(self) -> None:

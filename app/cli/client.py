@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 import httpx
@@ -26,6 +25,16 @@ FINAL_STATUSES = frozenset({"done", "failed", "cancelled"})
 TIMEOUT_S = httpx.Timeout(60.0, connect=5.0)
 FIRST_POLL_S, LAST_POLL_S = 0.1, 2.0
 """Pause between two looks at a drive; it grows from the first to the last by halves."""
+
+_TROUBLE: dict[type[Exception], str] = {
+    httpx.ConnectError: "No Versant service answers at {server}. Start one with `versant up`, or name another with "
+    "--server or VERSANT_SERVER.",
+    httpx.TimeoutException: "The service at {server} did not answer in time. It may be overloaded; try again.",
+    httpx.InvalidURL: "{server!r} is no address: {reason}. Write it as http://host:port.",
+    httpx.TransportError: "The connection to {server} broke ({reason}). Try again: what was uploaded completely is not "
+    "stored twice.",
+}
+"""What is said where no answer comes: of the first kind that an error is of."""
 
 BytesSent = Callable[[int], None]
 DriveSeen = Callable[["RemoteDrive"], None]
@@ -95,9 +104,7 @@ class Client:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._http.close()
 
     def upload(
@@ -151,18 +158,9 @@ class Client:
             time.sleep(pause)
             pause = min(LAST_POLL_S, pause * 1.5)
 
-    def drive_segments(self, drive_id: str) -> list[dict[str, Any]]:
-        """The features of one drive's own estimates, all pages."""
-        return [one for page in self.pages(f"/v1/drives/{drive_id}/segments") for one in page["features"]]
-
-    def segments(
-        self, bbox: tuple[float, float, float, float] | None = None, limit: int = 1000
-    ) -> Iterator[dict[str, Any]]:
-        """Every segment of the map (within west, south, east, north), following ``next`` links."""
-        params: dict[str, Any] = {"limit": limit}
-        if bbox is not None:
-            params["bbox"] = ",".join(f"{x:.7f}" for x in bbox)
-        for page in self.pages("/collections/segments/items", params):
+    def features(self, address: str, **params: Any) -> Iterator[dict[str, Any]]:
+        """The features of a collection, such as a drive's own estimates, all pages."""
+        for page in self.pages(address, params):
             yield from page["features"]
 
     def get(self, address: str, *, accept: str | None = None) -> httpx.Response:
@@ -180,24 +178,10 @@ class Client:
         """Ask anything of the service; an error answer raises ``ClientError`` with its sentence."""
         try:
             answer = self._http.request(verb, address, **arguments)
-        except httpx.ConnectError as error:
-            raise ClientError(
-                f"No Versant service answers at {self.server}. Start one with `versant up`, or name another "
-                "with --server or VERSANT_SERVER."
-            ) from error
-        except httpx.TimeoutException as error:
-            raise ClientError(
-                f"The service at {self.server} did not answer in time. It may be overloaded; try again."
-            ) from error
-        except httpx.InvalidURL as error:
-            raise ClientError(
-                f"{self.server!r} is no address: {error}. Write it as http://host:port."
-            ) from error
-        except httpx.TransportError as error:
-            raise ClientError(
-                f"The connection to {self.server} broke ({error or type(error).__name__}). Try again: "
-                "what was uploaded completely is not stored twice."
-            ) from error
+        except (httpx.TransportError, httpx.InvalidURL) as error:
+            sentence = next(text for kind, text in _TROUBLE.items() if isinstance(error, kind))
+            reason = str(error) or type(error).__name__
+            raise ClientError(sentence.format(server=self.server, reason=reason)) from error
         if answer.is_error:
             raise ClientError(_refusal(answer))
         return answer

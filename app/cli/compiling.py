@@ -38,7 +38,7 @@ from fusion.registry import DEFAULT_METHOD
 from fusion.results import solve
 from fusion.roads.grid import project_point
 from fusion.roads.table import RoadTable
-from fusion.simulate.drive import simulate_drive
+from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import make_town
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
@@ -60,13 +60,12 @@ Step = tuple[str, Callable[[], object]]
 
 
 class Scene(NamedTuple):
-    """One short drive: its logs, the roads and the elevation around it, and its files with raw signals."""
+    """One short drive: its logs, those of its raw signals, and the roads and the elevation around it."""
 
-    logs: tuple[DriveLog, ...]
+    logs: list[DriveLog]
+    raw: list[DriveLog]
     roads: RoadTable
     dem: Dem
-    rinex: tuple[Path, Path]
-    ubx: Path
 
 
 def main() -> None:
@@ -157,19 +156,25 @@ def _scene(*, whole: bool = True) -> Iterator[Scene]:
     drive = simulate_drive(town, 5, DURATION_S)
     with tempfile.TemporaryDirectory(prefix="versant-") as name:
         folder = Path(name)
-        rinex, raw = (folder / "drive.rnx", folder / "brdc.rnx"), folder / "raw.ubx"
         write_dem(town, folder / "dem.tif")
         write_ubx(drive, folder / "drive.ubx")
-        logs = [read_log(folder / "drive.ubx")]
+        logs, raw = [read_log(folder / "drive.ubx")], []
         if whole:
-            measured = canyon_of(drive).raw()
-            write_ubx(drive, raw, measured)
-            rinex[0].write_text(observations(measured.signals))
-            rinex[1].write_text(navigation(measured.navigation))
+            raw = _raw_logs(drive, folder)
             write_csv(drive, folder / "drive.csv")
             logs.append(read_log(folder / "drive.csv"))  # which starts threads of Arrow
         with Dem.open([folder / "dem.tif"]) as dem:
-            yield Scene(tuple(logs), town.roads, dem, rinex, raw)
+            yield Scene(logs, raw, town.roads, dem)
+
+
+def _raw_logs(drive: SimulatedDrive, folder: Path) -> list[DriveLog]:
+    """Raw signals in both of the formats that have loops of their own."""
+    rinex, ubx = (folder / "drive.rnx", folder / "brdc.rnx"), folder / "raw.ubx"
+    measured = canyon_of(drive).raw()
+    write_ubx(drive, ubx, measured)
+    rinex[0].write_text(observations(measured.signals))
+    rinex[1].write_text(navigation(measured.navigation))
+    return [read_logs(rinex), read_log(ubx)]
 
 
 def _first_steps(scene: Scene) -> Iterator[Step]:
@@ -183,24 +188,31 @@ def _first_steps(scene: Scene) -> Iterator[Step]:
 
 
 def _other_steps(scene: Scene) -> Iterator[Step]:
-    """Each method and each positioning with each choice of each of its options."""
+    """Each method and each positioning, with each choice of each of its options.
+
+    All choices of one are one step: they share most of their loops, which two processes would compile both.
+    """
     for name, method in METHODS.items():
-        for options in _choices(method.options_model):
-            yield _named(name, options), partial(_run, scene.logs[-1], scene, name, options)
+        yield name, partial(_run_method, scene, name, method.options_model)
     for name, positioning in POSITIONINGS.items():
-        for options in _choices(positioning.options_model):
-            gnss_choice = {"gnss": name, "gnss_options": options}
-            yield _named(name, options), partial(_run_raw, scene, gnss_choice)
+        yield name, partial(_run_positioning, scene, name, positioning.options_model)
 
 
-def _run_raw(scene: Scene, options: Mapping[str, Any]) -> None:
-    """Raw signals in both of the formats that have loops of their own."""
-    for log in (read_logs(scene.rinex), read_log(scene.ubx)):
-        _run(log, scene, DEFAULT_METHOD, options)
+def _run_method(scene: Scene, name: str, model: type[BaseModel]) -> None:
+    for options in _choices(model):
+        _run(scene.logs[-1], scene, name, options)
+
+
+def _run_positioning(scene: Scene, name: str, model: type[BaseModel]) -> None:
+    logs = scene.raw
+    for options in _choices(model):
+        for log in logs:
+            _run(log, scene, DEFAULT_METHOD, {"gnss": name, "gnss_options": options})
+        logs = scene.raw[-1:]  # no other choice knows what the log came from
 
 
 def _run(log: DriveLog, scene: Scene, method: str, options: Mapping[str, Any]) -> None:
-    with suppress(FusionError):  # so short a drive need not suffice: what it went through is compiled
+    with suppress(FusionError):  # what it went through is compiled, and a test sees that all go to their end
         run_drive(log, scene.roads, scene.dem, method=method, options=options)
 
 
@@ -212,11 +224,6 @@ def _choices(model: type[BaseModel]) -> Iterator[dict[str, Any]]:
         values = (True, False) if schema.get("type") == "boolean" else schema.get("enum", ())
         if name not in _ELSEWHERE:
             yield from (few | {name: value} for value in values if value != schema.get("default"))
-
-
-def _named(name: str, options: Mapping[str, Any]) -> str:
-    shown = [f"{key}={value}" for key, value in options.items() if key not in FEW]
-    return " ".join([name, *shown])
 
 
 @cache

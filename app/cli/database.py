@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +22,13 @@ from app.embedded.errors import NothingHereError
 
 
 def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
-    """The environment's settings with a command's options over them; an option not given is None."""
+    """The environment's settings with a command's options over them; an option not given is None.
+
+    A folder that is given names its embedded database, whatever ``VERSANT_DATABASE_URL`` says.
+    """
     changed = {name: value for name, value in {"data_dir": data_dir, **changes}.items() if value is not None}
-    return load_settings(lambda: Settings(**changed))
+    settings = load_settings(lambda: Settings(**changed))
+    return settings if data_dir is None else settings.model_copy(update={"database_url": None})
 
 
 @contextmanager
@@ -35,53 +39,53 @@ def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[
     so; else ``NothingHereError``. What the command counts is added to the service's figures. It logs if the environment
     says how.
     """
-    named, embedded = settings_for(data_dir), True if data_dir else None
-    see_to_cluster(named, embedded, make)
-    with database(named, embedded=embedded) as settings:
-        assert settings.database_url is not None  # noqa: S101 - what the block above is for
+    named = settings_for(data_dir)
+    see_to_cluster(named, make)
+    with database(named) as settings:
         lower_priority()
         if settings.model_fields_set & {"log_level", "log_format"}:
             begin_logging(settings, "command")
         begin_tracing(settings, "command")
-        engine = make_engine(settings.database_url, pool_size=1, background=True)
         try:
-            with counting(session_factory(engine), "command"):
-                yield settings, session_factory(engine)
+            with sessions_of(settings) as factory, counting(factory, "command"):
+                yield settings, factory
         finally:
-            engine.dispose()
             end_tracing()
 
 
 @contextmanager
-def as_it_is(
-    settings: Settings, *, embedded: bool | None, make: bool = False
-) -> Iterator[tuple[Settings, Sessions]]:
+def as_it_is(named: Settings, *, make: bool = False) -> Iterator[tuple[Settings, Sessions]]:
     """Settings and sessions of a database as it is, not migrated: for its inspection, backup and restoration.
 
-    ``embedded`` as of ``database``. ``make``: where there is no embedded database, an empty one is made.
+    ``make``: where there is no embedded database, an empty one is made.
     """
     if not make:
-        see_to_cluster(settings, embedded)
-    with ExitStack() as stack:
-        if embedded or (embedded is None and settings.database_url is None):
-            close_files(settings)
-            cluster = stack.enter_context(EmbeddedPostgres(settings.data_dir))
-            settings = settings.model_copy(update={"database_url": cluster.url})
-        assert settings.database_url is not None  # noqa: S101 - what the lines above are for
+        see_to_cluster(named)
+    with database(named, migrated=False) as settings:
+        assert settings.database_url is not None  # noqa: S101 - what the block above is for
         require_reachable(settings.database_url)
         lower_priority()
-        engine = make_engine(settings.database_url, pool_size=1, background=True)
-        stack.callback(engine.dispose)
-        yield settings, session_factory(engine)
+        with sessions_of(settings) as factory:
+            yield settings, factory
 
 
-def see_to_cluster(settings: Settings, embedded: bool | None, make: Console | None = None) -> None:
+@contextmanager
+def sessions_of(settings: Settings) -> Iterator[Sessions]:
+    """Sessions of a database that is named, one at a time, of background priority there."""
+    assert settings.database_url is not None  # noqa: S101 - the callers see to it
+    engine = make_engine(settings.database_url, pool_size=1, background=True)
+    try:
+        yield session_factory(engine)
+    finally:
+        engine.dispose()
+
+
+def see_to_cluster(settings: Settings, make: Console | None = None) -> None:
     """Refuse to start a cluster where there is none (``NothingHereError``), unless ``make`` is given, which is told.
 
     So no mistyped folder becomes an empty database.
     """
-    uses_cluster = settings.database_url is None if embedded is None else embedded
-    if not uses_cluster or has_cluster(settings.data_dir):
+    if settings.database_url is not None or has_cluster(settings.data_dir):
         return
     if make is None:
         raise NothingHereError(
@@ -92,28 +96,26 @@ def see_to_cluster(settings: Settings, embedded: bool | None, make: Console | No
 
 
 @contextmanager
-def database(settings: Settings, *, embedded: bool | None = None) -> Iterator[Settings]:
+def database(settings: Settings, *, migrated: bool = True) -> Iterator[Settings]:
     """Yield the settings with ``database_url`` set, for as long as the block lasts.
 
-    ``embedded`` True means the cluster in ``settings.data_dir`` (a command given ``--data-dir``), False the
-    server of ``settings.database_url``, None that server if it is set and the cluster otherwise. The cluster
-    is started if it does not run, and migrated; another server is migrated by ``versant migrate`` alone.
+    That is the server which they name, or else the cluster in their ``data_dir``. The cluster is started if it does not
+    run, and with ``migrated`` it is; another server is migrated by ``versant migrate`` alone.
     """
-    if embedded is None:
-        embedded = settings.database_url is None
-    if not embedded and settings.database_url is not None:
+    if settings.database_url is not None:
         yield settings
         return
-    with open_cluster(settings) as cluster:
+    with open_cluster(settings, migrated=migrated) as cluster:
         yield settings.model_copy(update={"database_url": cluster.url})
 
 
 @contextmanager
-def open_cluster(settings: Settings) -> Iterator[EmbeddedPostgres]:
-    """Yield the cluster in ``settings.data_dir``, started and migrated, for as long as the block lasts."""
+def open_cluster(settings: Settings, *, migrated: bool = True) -> Iterator[EmbeddedPostgres]:
+    """Yield the cluster in ``settings.data_dir``, started and ``migrated``, for as long as the block lasts."""
     close_files(settings)
     with EmbeddedPostgres(settings.data_dir) as cluster:
-        migrate.upgrade(cluster.url, finish=True)  # the cluster has no programs but this installation's
+        if migrated:
+            migrate.upgrade(cluster.url, finish=True)  # the cluster has no programs but this installation's
         yield cluster
 
 

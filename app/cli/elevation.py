@@ -156,18 +156,15 @@ def _facts(source: DemSource, dem_dir: FilePlace) -> dict[str, Any]:
         "priority": source.priority,
         "bounds_deg": source.bounds_deg,
     }
-    unread = {"posting_m": None, "datum": None, "mib": None}
+    facts |= dict.fromkeys(("posting_m", "datum", "mib", "problem"))
     try:
         path = local_raster(dem_dir, source)
         with Dem.open([path]) as dem:
-            read = {
-                "posting_m": max(dem.postings_m[0]),
-                "datum": dem.datum,
-                "mib": path.stat().st_size / _MIB,
-            }
+            facts |= {"posting_m": max(dem.postings_m[0]), "datum": dem.datum}
+            facts["mib"] = path.stat().st_size / _MIB
     except TerrainError as error:
-        return facts | unread | {"problem": str(error)}
-    return facts | read | {"problem": None}
+        facts["problem"] = str(error)
+    return facts
 
 
 def _box(bounds_deg: Sequence[float] | None) -> str | None:

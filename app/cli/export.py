@@ -11,7 +11,6 @@ import app.cli.options as cli
 from app.cli.console import Console, write_json
 
 if TYPE_CHECKING:
-    from app.core.db import Bounds
     from app.exports.making import Request
 
 app = typer.Typer(add_completion=False)
@@ -58,7 +57,8 @@ def export(
 
     console: Console = ctx.obj
     box = cli.parse_box(bbox)
-    request = _request_for(out, form, option, box, region, driven, gaps)
+    filters = {"bbox": box, "region": region, "driven": driven, "gaps": gaps}
+    request = _request_for(out, form, option, filters)
     if request is None and map_file is None:
         raise typer.BadParameter(
             "nothing is asked for: name a file by -o, or a map by --map.", param_hint="-o"
@@ -100,13 +100,7 @@ def export(
 
 
 def _request_for(
-    out: Path | None,
-    form: str | None,
-    option: list[str] | None,
-    box: Bounds | None,
-    region: str | None,
-    driven: bool,
-    gaps: bool,
+    out: Path | None, form: str | None, option: list[str] | None, filters: dict[str, Any]
 ) -> Request | None:
     """What is to be written; names and options that do not exist are wrong usage, before any work."""
     from app.exports.formats import format_for
@@ -120,7 +114,6 @@ def _request_for(
         return None
     with cli.naming("--as" if form is not None else "--out"):
         output_format = format_for(out, form)
-    filters: dict[str, Any] = {"bbox": box, "region": region, "driven": driven, "gaps": gaps}
     with cli.naming("--option"):
         options = cli.parse_assignments(option, "--option")
         return request_of(output_format.name, options, **filters, local=True)

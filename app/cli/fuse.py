@@ -18,9 +18,10 @@ from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
-    from app.cli.fuse_files import Combined, FusedLog, Fusion
+    from app.cli.fuse_files import FusedLog, Fusion
     from app.map.segment import Segment
     from fusion.methods.base import Options
+    from fusion.results import Solution
 
 app = typer.Typer(add_completion=False)
 
@@ -96,8 +97,9 @@ def fuse(
         outcomes = [_one(fusion, source, console, bars) for source in drives]
         combined = fusion.solve(gaps=gaps)
         source = attribution(combined.rasters)
-    features, datum = combined.features, combined.height_datum
-    _tell(fusion, combined, outcomes, console)
+    features, solution = combined.features, combined.solution
+    datum = solution.height_datum
+    _tell(solution, outcomes, console)
     if fusion.fused and out is None:
         sys.stdout.writelines(
             collection_chunks((one.geojson() for one in features), statements(source, datum))
@@ -110,13 +112,8 @@ def fuse(
         console.note(f"{map_file}: map of the slopes.")
     for number, one in enumerate(fusion.fused, 1):
         _pictures(one, number if len(fusion.fused) > 1 else None, profile, track, console)
-    figures = {
-        "method": method,
-        "segments": len(features),
-        "height_datum": datum,
-        "remarks": combined.remarks,
-    }
-    write_json(json_file, {**figures, "logs": outcomes})
+    figures = {"method": method, "segments": len(features), "height_datum": datum}
+    write_json(json_file, figures | {"remarks": solution.remarks, "logs": outcomes})
     if any(outcome["status"] == "failed" for outcome in outcomes):
         raise typer.Exit(1)
 
@@ -156,27 +153,26 @@ def _one(fusion: Fusion, source: cli.LogFiles, console: Console, bars: Bars) -> 
         earlier = fusion.earlier_copy(source)
         if earlier is not None:
             console.note(f"{source.name}: the same bytes as {earlier}, counted once.")
-            return {
-                "file": source.name,
-                "status": "repeated",
-                "reason": f"the same bytes as {earlier}",
-                "segments": 0,
-            }
+            return _without_result(source, "repeated", f"the same bytes as {earlier}")
         return outcome_of(fusion.add(source, bars.work(source.short_name)))
     except (FusionError, OSError) as error:
         if console.debug:
             raise
         reason = console.complain_of(source.name, error)
-        return {"file": source.name, "status": "failed", "reason": reason, "segments": 0}
+        return _without_result(source, "failed", reason)
 
 
-def _tell(fusion: Fusion, together: Combined, outcomes: list[dict[str, Any]], console: Console) -> None:
+def _without_result(source: cli.LogFiles, status: str, reason: str) -> dict[str, Any]:
+    return {"file": source.name, "status": status, "reason": reason, "segments": 0}
+
+
+def _tell(together: Solution, outcomes: list[dict[str, Any]], console: Console) -> None:
     """Say of each log what came of it and what a person should know, and put the same into its outcome."""
     from app.cli.fuse_files import agreement
     from app.drives.outputs.summary import summary
 
     done = [outcome for outcome in outcomes if outcome["status"] == "done"]
-    agreement(together, [one.source.name for one in fusion.fused], done)
+    agreement(together, done)
     for outcome in done:
         outcome["summary"] = summary(outcome["file"], outcome["report"])
         console.note(outcome["summary"])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from app.cli.console import part_of
 from app.cli.options import LogFiles
@@ -27,6 +29,9 @@ from fusion.types import Progress, no_progress
 
 PARTS = {"reading": (0.0, 0.15), "positioning": (0.15, 0.4), "estimating": (0.4, 1.0)}
 """The parts of the work on one log, and the shares of the whole at which they begin and end."""
+OF_ROADS = ("osm_way_id", "from_node", "to_node", "length_m", "highway", "name", "oneway", "bridge", "tunnel")
+OF_SLOPES = ("slope_percent", "slope_sigma_percent", "drives", "observations", *NETWORK_ONLY)
+"""What a segment has of the roads, and of what was measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +46,10 @@ class FusedLog(FusedDrive):
 class Combined(NamedTuple):
     """What the logs of a ``Fusion`` say together."""
 
+    solution: Solution
+    """Its drives are the logs by their places in ``Fusion.fused``."""
     features: list[Segment]
-    rejected: list[int]
-    """For each log, on how many segments it contradicts the others and is rejected."""
-    duplicates: dict[int, int]
-    """Duplicate drives, each with the log that counts in its place, by their places in ``Fusion.fused``."""
-    remarks: list[str]
-    """Sentences on control points and the elevation model."""
-    height_datum: str | None
-    """What the heights refer to; None where there are none."""
+    """Its segments, as they are written."""
     rasters: tuple[str, ...]
     """Names of the elevation rasters that give the heights of these segments."""
 
@@ -99,10 +99,9 @@ class Fusion:
         """The ``features``, and how the logs agree."""
         solved = solve_fused(self.fused, self.roads, self.dem, control=self.control, gaps=gaps)
         now = now or datetime.now(UTC)
-        features = [_feature(solved, row, now) for row in range(len(solved))]
+        features = list(_features(solved, now))
         rasters = self.dem.sources_at(*knot_positions(solved.roads)) if self.dem else ()
-        datum = solved.height_datum
-        return Combined(features, solved.rejected, solved.duplicates, solved.remarks, datum, rasters)
+        return Combined(solved, features, rasters)
 
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""
@@ -114,32 +113,22 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _feature(solved: Solution, row: int, now: datetime) -> Segment:
-    table, total = solved.roads, solved.slopes[row]
-    name = table.name[row]
-    return Segment(
-        id=None,
-        osm_way_id=int(table.osm_way_id[row]),
-        from_node=int(table.from_node[row]),
-        to_node=int(table.to_node[row]),
-        length_m=float(table.length_m[row]),
-        highway=str(table.highway[row]),
-        name=None if name is None else str(name),
-        oneway=int(table.oneway[row]),
-        bridge=bool(table.bridge[row]),
-        tunnel=bool(table.tunnel[row]),
-        slope_percent=total.slope_percent,
-        slope_sigma_percent=total.slope_sigma_percent,
-        drives=total.drives,
-        observations=total.observations,
-        dem_slope_percent=float(solved.dem_slope_percent[row]),
-        updated_at=now,
-        coordinates=(
-            (float(table.lon0_deg[row]), float(table.lat0_deg[row])),
-            (float(table.lon1_deg[row]), float(table.lat1_deg[row])),
-        ),
-        **{name: getattr(total, name) for name in NETWORK_ONLY},
-    )
+def _features(solved: Solution, now: datetime) -> Iterator[Segment]:
+    table = solved.roads
+    roads = zip(*(getattr(table, name).tolist() for name in OF_ROADS), strict=True)
+    ends = np.column_stack([table.lon0_deg, table.lat0_deg, table.lon1_deg, table.lat1_deg]).tolist()
+    of_dem = solved.dem_slope_percent.tolist()
+    for road, (lon0, lat0, lon1, lat1), total, dem_slope_percent in zip(
+        roads, ends, solved.slopes, of_dem, strict=True
+    ):
+        yield Segment(
+            id=None,
+            **dict(zip(OF_ROADS, road, strict=True)),
+            **{name: getattr(total, name) for name in OF_SLOPES},
+            dem_slope_percent=dem_slope_percent,
+            updated_at=now,
+            coordinates=((lon0, lat0), (lon1, lat1)),
+        )
 
 
 def outcome_of(fused: FusedLog) -> dict[str, Any]:
@@ -154,10 +143,12 @@ def outcome_of(fused: FusedLog) -> dict[str, Any]:
     }
 
 
-def agreement(together: Combined, names: Sequence[str], outcomes: Sequence[dict[str, Any]]) -> None:
-    """Add to the outcomes of the logs that were fused, of these names, how each agrees with the others."""
-    for k, (outcome, rejected) in enumerate(zip(outcomes, together.rejected, strict=True)):
-        report, duplicate = outcome["report"], together.duplicates.get(k)
+def agreement(solution: Solution, outcomes: Sequence[dict[str, Any]]) -> None:
+    """Add to the outcomes of the logs that were fused how each agrees with the others."""
+    for k, (outcome, rejected) in enumerate(zip(outcomes, solution.rejected, strict=True)):
+        report, duplicate = outcome["report"], solution.duplicates.get(k)
         warnings = with_contradiction(report["warnings"], rejected, report["segments_in_network"])
-        report["warnings"] = warnings if duplicate is None else with_duplicate(warnings, names[duplicate])
+        if duplicate is not None:
+            warnings = with_duplicate(warnings, outcomes[duplicate]["file"])
+        report["warnings"] = warnings
         report["rejected_segments"] = outcome["rejected_segments"] = rejected

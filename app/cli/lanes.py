@@ -20,6 +20,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from multiprocessing.context import ForkProcess
 from typing import NoReturn
 
 from app.cli import compiling
@@ -46,65 +47,45 @@ _LOOK_EVERY_S = 0.05
 _COMPILE = (sys.executable, "-m", "app.cli.compiling")
 
 
-class Forked:
+class Forked(ForkProcess):
     """A process that was forked from this one to run something and end; asked for as ``subprocess.Popen`` is."""
 
-    def __init__(self, run: Callable[[], int]) -> None:
-        """``run`` returns the exit status; it begins with the usual treatment of signals, in a session of its own."""
-        sys.stdout.flush()
-        sys.stderr.flush()
-        held = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
-        self.returncode: int | None = None
-        self.pid = os.fork()
-        if self.pid == 0:
-            _run_forked(run, held)
-        signal.pthread_sigmask(signal.SIG_SETMASK, held)
+    def __init__(self, work: Callable[[], int]) -> None:
+        """``work`` returns the exit status; it begins with the usual treatment of signals, in a session of its own."""
+        super().__init__()
+        self._work = work
+        self._held = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
+        self.start()
+        signal.pthread_sigmask(signal.SIG_SETMASK, self._held)
+
+    def run(self) -> NoReturn:
+        """Do it in the forked process, which ends with it: nothing that its parent had begun goes on there."""
+        status = 1
+        try:
+            for number in STOPPING:
+                signal.signal(number, signal.SIG_DFL)
+            signal.pthread_sigmask(signal.SIG_SETMASK, self._held)
+            os.setsid()
+            status = self._work()
+        except BaseException:  # as the interpreter would at its end
+            traceback.print_exc()
+        finally:
+            with suppress(Exception):
+                logging.shutdown()
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(status)
 
     def poll(self) -> int | None:
         """Exit status, the signal's number below zero; None while it runs."""
-        if self.returncode is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            if pid:
-                self.returncode = os.waitstatus_to_exitcode(status)
-        return self.returncode
+        return self.exitcode
 
     def wait(self, timeout: float | None = None) -> int:
         """Exit status once it has ended; raises ``subprocess.TimeoutExpired`` after ``timeout`` seconds."""
-        ends = None if timeout is None else time.monotonic() + timeout
-        while (status := self.poll()) is None:
-            if ends is not None and time.monotonic() > ends:
-                raise subprocess.TimeoutExpired("lane", timeout or 0.0)
-            time.sleep(_LOOK_EVERY_S)
-        return status
-
-    def terminate(self) -> None:
-        """Ask it to end."""
-        if self.poll() is None:
-            os.kill(self.pid, signal.SIGTERM)
-
-    def kill(self) -> None:
-        """End it."""
-        if self.poll() is None:
-            os.kill(self.pid, signal.SIGKILL)
-
-
-def _run_forked(run: Callable[[], int], held: set[int | signal.Signals]) -> NoReturn:
-    """Run in the forked process until it exits; nothing that its parent had begun is continued."""
-    status = 1
-    try:
-        for number in STOPPING:
-            signal.signal(number, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_SETMASK, held)
-        os.setsid()
-        status = run()
-    except BaseException:  # as the interpreter would at its end
-        traceback.print_exc()
-    finally:
-        with suppress(Exception):
-            logging.shutdown()
-            sys.stdout.flush()
-            sys.stderr.flush()
-        os._exit(status)
+        self.join(timeout)
+        if self.exitcode is None:
+            raise subprocess.TimeoutExpired("lane", timeout or 0.0)
+        return self.exitcode
 
 
 @dataclass

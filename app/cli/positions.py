@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,14 @@ import numpy as np
 
 from app.core.text import COORDINATE_DIGITS, rounded
 from app.drives.outputs.track import time_text
-from fusion.gnss.positioning import SolvedEpochs
-from fusion.types import Floats, GnssFix
+from fusion.gnss.positioning import Positioned, SolvedEpochs
+from fusion.types import DriveLog, Floats
 
-COLUMNS = ("time_s", "lat_deg", "lon_deg", "height_ell_m", "alt_msl_m", "h_acc_m", "v_acc_m")
-COVARIANCES = (("e", "e"), ("e", "n"), ("e", "u"), ("n", "n"), ("n", "u"), ("u", "u"))
+PLACE = ("time_s", "lat_deg", "lon_deg")
+FIGURES = ("height_ell_m", "alt_msl_m", "h_acc_m", "v_acc_m")
+COVARIANCES = ("cov_ee_m2", "cov_en_m2", "cov_eu_m2", "cov_nn_m2", "cov_nu_m2", "cov_uu_m2")
 """Parts of the covariance of a solver's position, m^2: east, north, up."""
-SOLVED_COLUMNS = (*(f"cov_{a}{b}_m2" for a, b in COVARIANCES), "predicted", "reflected")
+SOLVED_COLUMNS = (*COVARIANCES, "predicted", "reflected")
 _DIGITS = {"lat_deg": 9, "lon_deg": 9}  # degrees: a tenth of a millimetre
 _OTHER_DIGITS = 3  # milliseconds, millimetres
 GAP_S = 10.0
@@ -28,19 +30,28 @@ GAP_S = 10.0
 
 @dataclass(frozen=True)
 class Positions:
-    """The positions of one log; ``outages_s`` are known interruptions, ``geoid`` what ``alt_msl_m`` is above.
+    """The positions of the log called ``name``."""
 
-    ``report`` says how they were computed, ``solved`` what a solver of raw measurements knows of each, ``warnings``
-    what a person should know of the log.
-    """
+    name: str
+    positioned: Positioned
 
-    log: str
-    fix: GnssFix
-    outages_s: Floats
-    geoid: str
-    report: Mapping[str, Any] = field(default_factory=dict)
-    solved: SolvedEpochs | None = None
-    warnings: Sequence[str] = ()
+    @property
+    def log(self) -> DriveLog:
+        """The log with these positions."""
+        return self.positioned.log
+
+    @cached_property
+    def solved(self) -> SolvedEpochs | None:
+        """What a solver of raw measurements knows of each."""
+        return self.positioned.solved_epochs()
+
+    def columns(self, names: Sequence[str]) -> dict[str, Floats]:
+        """Columns of the fix, and those of ``COVARIANCES`` where a solver made it."""
+        columns: dict[str, Floats] = {name: getattr(self.log.fix, name) for name in names}
+        if self.solved is not None:
+            upper = self.solved.covariance[:, *np.triu_indices(3)]
+            columns |= zip(COVARIANCES, upper.T, strict=True)
+        return columns
 
 
 def write_csv(tracks: Sequence[Positions], path: Path) -> None:
@@ -51,15 +62,15 @@ def write_csv(tracks: Sequence[Positions], path: Path) -> None:
     """
     several = len(tracks) > 1
     computed = any(one.solved for one in tracks)
-    columns = [*COLUMNS, *(SOLVED_COLUMNS if computed else ()), *(["log"] if several else ())]
+    names = [*PLACE, *FIGURES, *(SOLVED_COLUMNS if computed else ())]
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file)
-        table.writerow(columns)
+        table.writerow([*names, "log"] if several else names)
         for one in tracks:
-            cells = [_cells(getattr(one.fix, name), _DIGITS.get(name, _OTHER_DIGITS)) for name in COLUMNS]
-            cells += _solved_cells(one) if computed else []
-            for row in zip(*cells, strict=True):
-                table.writerow([*row, one.log] if several else row)
+            cells = _cells(one)
+            unknown = [""] * len(one.log.fix)
+            for row in zip(*(cells.get(name, unknown) for name in names), strict=True):
+                table.writerow([*row, one.name] if several else row)
 
 
 def write_geojson(tracks: Sequence[Positions], path: Path) -> None:
@@ -79,59 +90,48 @@ TRACK_WRITERS: dict[str, Callable[[Sequence[Positions], Path], None]] = {
 """Suffix -> writer."""
 
 
-def _cells(values: Floats, digits: int) -> list[str]:
-    return ["" if not np.isfinite(v) else f"{v:.{digits}f}" for v in values]
-
-
-def _solved_cells(one: Positions) -> list[list[str]]:
-    if one.solved is None:
-        return [[""] * len(one.fix) for _ in SOLVED_COLUMNS]
-    covariances = [_cells(values, _OTHER_DIGITS) for values in _covariances(one.solved)]
-    predicted = ["1" if flag else "0" for flag in one.solved.predicted]
-    reflected = [
-        " ".join(f"{name}={share:.2f}" for name, share in by_satellite.items() if np.isfinite(share))
-        for by_satellite in one.solved.reflected
-    ]
-    return [*covariances, predicted, reflected]
-
-
-def _covariances(solved: SolvedEpochs) -> list[Floats]:
-    axis = {"e": 0, "n": 1, "u": 2}
-    return [solved.covariance[:, axis[a], axis[b]] for a, b in COVARIANCES]
+def _cells(one: Positions) -> dict[str, list[str]]:
+    """The columns of a CSV as text."""
+    cells = {
+        name: [f"{v:.{_DIGITS.get(name, _OTHER_DIGITS)}f}" if np.isfinite(v) else "" for v in values]
+        for name, values in one.columns(PLACE + FIGURES).items()
+    }
+    if one.solved is not None:
+        cells["predicted"] = ["1" if flag else "0" for flag in one.solved.predicted]
+        cells["reflected"] = [
+            " ".join(f"{name}={share:.2f}" for name, share in by_satellite.items() if np.isfinite(share))
+            for by_satellite in one.solved.reflected
+        ]
+    return cells
 
 
 def _path(one: Positions) -> dict[str, Any]:
-    time_s = one.fix.time_s
-    broken = np.diff(time_s) > GAP_S
+    fix = one.log.fix
+    broken = np.diff(fix.time_s) > GAP_S
     # A gap is named by the time at which the next piece begins.
-    outages = np.searchsorted(time_s, one.outages_s)
-    cuts = np.union1d(np.flatnonzero(broken) + 1, outages[(outages > 0) & (outages < len(time_s))])
-    points = np.round(np.column_stack([one.fix.lon_deg, one.fix.lat_deg]), COORDINATE_DIGITS)
+    outages = np.searchsorted(fix.time_s, one.log.outages_s)
+    cuts = np.union1d(np.flatnonzero(broken) + 1, outages[(outages > 0) & (outages < len(fix))])
+    points = np.round(np.column_stack([fix.lon_deg, fix.lat_deg]), COORDINATE_DIGITS)
     lines = [piece.tolist() for piece in np.split(points, cuts) if len(piece) > 1]
     geometry = {"type": "MultiLineString", "coordinates": lines} if lines else None
-    properties = {"log": one.log, "positions": len(one.fix), "geoid": one.geoid}
-    return {"type": "Feature", "geometry": geometry, "properties": properties}
+    properties = {"log": one.name, "positions": len(fix), "geoid": one.log.geoid}
+    return _feature(geometry, properties)
 
 
 def _points(one: Positions) -> list[dict[str, Any]]:
-    out = []
-    covariances = _covariances(one.solved) if one.solved else []
-    for k in range(len(one.fix)):
-        place = [
-            round(float(getattr(one.fix, name)[k]), COORDINATE_DIGITS) for name in ("lon_deg", "lat_deg")
-        ]
-        properties: dict[str, Any] = {"log": one.log, "time": time_text(float(one.fix.time_s[k]))}
-        for name in COLUMNS[3:]:
-            properties[name] = rounded(float(getattr(one.fix, name)[k]), _OTHER_DIGITS)
+    features, fix, columns = [], one.log.fix, one.columns(FIGURES)
+    for k in range(len(fix)):
+        place = [round(float(degrees[k]), COORDINATE_DIGITS) for degrees in (fix.lon_deg, fix.lat_deg)]
+        properties: dict[str, Any] = {"log": one.name, "time": time_text(float(fix.time_s[k]))}
+        properties |= {name: rounded(float(values[k]), _OTHER_DIGITS) for name, values in columns.items()}
         if one.solved is not None:
-            properties |= {
-                f"cov_{a}{b}_m2": rounded(float(values[k]), _OTHER_DIGITS)
-                for (a, b), values in zip(COVARIANCES, covariances, strict=True)
-            }
             properties["predicted"] = bool(one.solved.predicted[k])
             properties["reflected"] = {
                 name: rounded(share, 2) for name, share in one.solved.reflected[k].items()
             }
-        geometry = {"type": "Point", "coordinates": place}
-        out.append({"type": "Feature", "geometry": geometry, "properties": properties})
-    return out
+        features.append(_feature({"type": "Point", "coordinates": place}, properties))
+    return features
+
+
+def _feature(geometry: Mapping[str, Any] | None, properties: Mapping[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": geometry, "properties": properties}

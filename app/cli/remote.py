@@ -149,7 +149,7 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
     one.drive = client.wait(one.drive.id, seen=shown(show))
     one.reason = one.drive.reason
     if one.drive.status == "done":
-        one.segments = len(client.drive_segments(one.drive.id))
+        one.segments = sum(1 for _ in client.features(f"/v1/drives/{one.drive.id}/segments"))
         _tell(one, console)
     elif one.failed:
         console.complain(f"{one.source.name}: {one.reason or one.status}")

@@ -51,8 +51,7 @@ def up(
         with open_cluster(settings) as cluster:
             ready = settings.model_copy(update={"database_url": cluster.url})
             with Service(ready, console, cluster=cluster) as service:
-                for line in welcome(service, settings):
-                    typer.echo(line)
+                typer.echo("\n".join(welcome(service, settings)))
                 service.serve_forever()
     console.note("Stopped.")
 
@@ -83,7 +82,7 @@ def api(
     if with_parent:
         stop_with_parent()
     begin_tracing(settings, "api")
-    with database(settings, embedded=True if data_dir else None) as ready:
+    with database(settings) as ready:
         _require_database(ready, migrated=False)  # until it is, /readyz says so
         number = free_port(ready)
         if not with_parent:
@@ -122,7 +121,7 @@ def worker(
         with stop_signals():
             serve(settings, console, partial(_require_database, migrated=True))
         return
-    with database(settings, embedded=True if data_dir else None) as ready:
+    with database(settings) as ready:
         _require_database(ready, migrated=True)
         with stop_signals(), Children(ready, console, [workers(ready)]) as children:
             children.look_after_all()
@@ -142,7 +141,7 @@ def migrate(
 
     console: Console = ctx.obj
     settings = settings_for(data_dir)
-    with database(settings, embedded=True if data_dir else None) as ready:
+    with database(settings) as ready:
         assert ready.database_url is not None  # noqa: S101 - database() sees to it
         logging.basicConfig(level=logging.WARNING, format="%(message)s")
         migrations.upgrade(ready.database_url, finish=finish)

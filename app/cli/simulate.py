@@ -25,43 +25,23 @@ def simulate(
 ) -> None:
     """Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv)."""
     from fusion.simulate.demonstration import write_all
-    from fusion.simulate.drive import simulate_drive
-    from fusion.simulate.motion.routes import structures
-    from fusion.simulate.write.csv_file import write_csv, write_truth
-
-    console: Console = ctx.obj
-    with console.progress() as bars:
-        show = bars.work("simulating")
-        if receiver is None:
-            bundle = write_all(out, drives, seed, duration_s=duration_s, rate_hz=rate_hz, progress=show)
-            paths = list(bundle.drives)
-        else:
-            _check_receiver(receiver)
-            bundle = write_all(out, 0, seed, progress=show)
-            paths, simulated = [], []
-            for k in range(drives):
-                show("drives", k / drives)
-                drive = simulate_drive(
-                    bundle.town,
-                    1000 * seed + k,
-                    duration_s,
-                    rate_hz=rate_hz,
-                    receiver=receiver,
-                    first=structures(bundle.town),
-                )
-                paths.append(out / f"drive_{k + 1:02d}.csv")
-                write_csv(drive, paths[-1])
-                simulated.append(drive)
-            write_truth(bundle.town, bundle.truth, simulated or None)
-    for path in (bundle.osm, bundle.dem, *paths, bundle.truth):
-        typer.echo(str(path))
-    write_json(
-        json_file, {"seed": seed, "segments": len(bundle.town.roads), "drives": [str(p) for p in paths]}
-    )
-
-
-def _check_receiver(receiver: str) -> None:
     from fusion.simulate.receiver.readings import RECEIVERS
 
-    with naming("--receiver"):
-        RECEIVERS[receiver]
+    console: Console = ctx.obj
+    if receiver is not None:
+        with naming("--receiver"):
+            RECEIVERS[receiver]
+    with console.progress() as bars:
+        bundle = write_all(
+            out,
+            drives,
+            seed,
+            duration_s=duration_s,
+            rate_hz=rate_hz,
+            receiver=receiver,
+            progress=bars.work("simulating"),
+        )
+    for path in (bundle.osm, bundle.dem, *bundle.drives, bundle.truth):
+        typer.echo(str(path))
+    paths = [str(path) for path in bundle.drives]
+    write_json(json_file, {"seed": seed, "segments": len(bundle.town.roads), "drives": paths})

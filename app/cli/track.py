@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from fusion.registry import DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
     from app.cli.positions import Positions
+    from fusion.gnss.positioning import Positioned
     from fusion.published.positioning.study import Study
     from fusion.types import Progress
 
@@ -38,14 +39,10 @@ def track(
 
     A log that fails is reported, and the others go on.
     """
-    from app.cli.positions import TRACK_WRITERS
+    from app.cli.positions import TRACK_WRITERS, Positions
 
     console: Console = ctx.obj
-    if out.suffix.lower() not in TRACK_WRITERS:
-        raise typer.BadParameter(
-            f"No track is written to files ending in {out.suffix!r}. Choose .csv or .geojson.",
-            param_hint="'--out'",
-        )
+    _usable(out, "track", TRACK_WRITERS)
     named = cli.parse_columns(columns)
     options = cli.positioning_options(gnss, gnss_option)
     tracks: list[Positions] = []
@@ -53,49 +50,52 @@ def track(
     with console.progress() as bars:
         drives = cli.drives_of(logs, together)
         for source in drives:
-            reason = None
+            outcome = {"file": source.name, "positions": 0, "reason": None, "gnss": {}, "warnings": []}
             try:
-                tracks.append(_read(source, named, gnss, options, bars.work(source.short_name)))
-                console.warn(source.name, tracks[-1].warnings)
+                one = _positioned(source, gnss, options, bars.work(source.short_name), named)
             except (FusionError, OSError) as error:
-                reason = console.complain_of(source.name, error)
-            track = None if reason else tracks[-1]
-            outcomes.append(
-                {
-                    "file": source.name,
-                    "positions": len(track.fix) if track else 0,
-                    "reason": reason,
-                    "gnss": track.report if track else {},
-                    "warnings": list(track.warnings) if track else [],
+                outcome["reason"] = console.complain_of(source.name, error)
+            else:
+                tracks.append(Positions(source.short_name, one))
+                console.warn(source.name, one.log.warnings)
+                outcome |= {
+                    "positions": len(one.log.fix),
+                    "gnss": one.report,
+                    "warnings": list(one.log.warnings),
                 }
-            )
+            outcomes.append(outcome)
     if tracks:
         with whole_file(out) as partial:
             TRACK_WRITERS[out.suffix.lower()](tracks, partial)
         typer.echo(
-            f"{out}: {sum(len(t.fix) for t in tracks)} positions from {len(tracks)} of {len(drives)} logs."
+            f"{out}: {sum(len(t.log.fix) for t in tracks)} positions from {len(tracks)} of {len(drives)} logs."
         )
     write_json(json_file, {"gnss": gnss, "logs": outcomes})
     if len(tracks) < len(drives):
         raise typer.Exit(1)
 
 
-def _read(
+def _usable(out: Path, what: str, suffixes: Collection[str]) -> None:
+    """Refuse, before any work, a suffix that nothing is written to."""
+    if out.suffix.lower() not in suffixes:
+        raise typer.BadParameter(
+            f"No {what} is written to files ending in {out.suffix!r}. Choose {' or '.join(suffixes)}.",
+            param_hint="'--out'",
+        )
+
+
+def _positioned(
     source: cli.LogFiles,
-    columns: Mapping[str, str],
     gnss: str,
     options: Mapping[str, Any],
     progress: Progress,
-) -> Positions:
-    from app.cli.positions import Positions
+    columns: Mapping[str, str] | None = None,
+) -> Positioned:
+    """Read a log and compute its positions."""
     from fusion.gnss.positioning import positioned
 
-    read = source.read(part_of(progress, 0.0, 0.3), columns)
-    result = positioned(read, gnss, options, part_of(progress, 0.3, 1.0))
-    log, solved = result.log, result.solved_epochs()
-    return Positions(
-        source.short_name, log.fix, log.outages_s, log.geoid, result.report, solved, warnings=log.warnings
-    )
+    log = source.read(part_of(progress, 0.0, 0.3), columns)
+    return positioned(log, gnss, options, part_of(progress, 0.3, 1.0))
 
 
 @app.command("gnss-study")
@@ -111,20 +111,15 @@ def gnss_study(
     json_file: Path | None = cli.JSON_FILE,
 ) -> None:
     """Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow."""
-    from fusion.gnss.positioning import positioned
     from fusion.published.positioning.study import study
 
     console: Console = ctx.obj
-    if out is not None and out.suffix.lower() != ".png":
-        raise typer.BadParameter(
-            f"No picture is written to files ending in {out.suffix!r}. Choose .png.", param_hint="'--out'"
-        )
+    if out is not None:
+        _usable(out, "picture", [".png"])
     options = cli.positioning_options(gnss, gnss_option)
     with console.progress() as bars:
         (drive,) = cli.drives_of(logs, together=True)
-        progress = bars.work(drive.short_name)
-        log = drive.read(part_of(progress, 0.0, 0.3))
-        computed = positioned(log, gnss, options, part_of(progress, 0.3, 1.0))
+        computed = _positioned(drive, gnss, options, bars.work(drive.short_name))
     console.warn(drive.name, computed.log.warnings)
     if computed.measured is None or computed.solution is None:
         raise MissingSensorError(
@@ -137,14 +132,8 @@ def gnss_study(
     if out is not None:
         from app.drives.outputs.gnss_picture import gnss_png
 
-        out.write_bytes(
-            gnss_png(
-                computed.measured,
-                computed.solution,
-                result.laws,
-                f"{drive.short_name}, {computed.name}",
-            )
-        )
+        title = f"{drive.short_name}, {computed.name}"
+        out.write_bytes(gnss_png(computed.measured, computed.solution, result.laws, title))
         typer.echo(f"{out}: sky, residuals by satellite, laws and residuals by time.")
     write_json(json_file, {"gnss": computed.name, "logs": [str(path) for path in logs], **asdict(result)})
 
@@ -156,16 +145,10 @@ def _print_study(console: Console, result: Study) -> None:
     ]
     heads = ("", "residuals", "mean m", "median m", "spread m", "largest m", "C/N0 dB-Hz", "reflected")
     console.table(heads, rows, title="Residuals by satellite and by reception")
-    laws = [
-        (
-            t.law,
-            f"{t.ks:.4f}",
-            "yes" if t.ks_taken else "no",
-            f"{t.chi2:.1f} ({t.dof})" if t.dof else None,
-            t.chi2_taken,
-        )
-        for t in result.laws
-    ]
+    laws = []
+    for t in result.laws:
+        chi2 = f"{t.chi2:.1f} ({t.dof})" if t.dof else None
+        laws.append((t.law, f"{t.ks:.4f}", "yes" if t.ks_taken else "no", chi2, t.chi2_taken))
     if laws:
         tests = ("law", "KS", "taken at 5 %", "chi-square (dof)", "taken at 5 %")
         console.table(tests, laws, title=f"Laws (KS is refused above {result.laws[0].ks_critical:.4f})")

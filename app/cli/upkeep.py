@@ -41,13 +41,11 @@ def backup(
     console: Console = ctx.obj
     started = time.perf_counter()
     folder = folder.expanduser().absolute()
-    named, embedded = settings_for(data_dir), True if data_dir else None
-    with as_it_is(named, embedded=embedded) as (settings, factory), console.progress() as bars:
+    with as_it_is(settings_for(data_dir)) as (settings, factory), console.progress() as bars:
         manifest = back_up(settings, factory, folder, bars.work("backup"))
     seconds = time.perf_counter() - started
     typer.echo(f"{folder}: {_backup_summary(manifest)}, in {seconds:.1f} s.")
-    for line in _backup_remarks(manifest):
-        typer.echo(line)
+    _warn_of(manifest)
     write_json(json_file, _backup_figures(manifest) | {"folder": str(folder), "seconds": round(seconds, 3)})
 
 
@@ -72,25 +70,23 @@ def restore(
     started = time.perf_counter()
     folder = folder.expanduser().absolute()
     named = settings_for(data_dir)
-    embedded = data_dir is not None or named.database_url is None
     with console.progress() as bars:
         manifest = bringing_back.checked(folder, bars.work("backup"))
     if dry_run:
         typer.echo(f"{folder}: {_backup_summary(manifest)}; every file is as it was.")
         write_json(json_file, _backup_figures(manifest) | {"folder": str(folder), "dry_run": True})
         return
-    with as_it_is(named, embedded=embedded, make=True) as (settings, factory), console.progress() as bars:
+    with as_it_is(named, make=True) as (settings, factory), console.progress() as bars:
         restored = bringing_back.restore(settings, factory, folder, manifest, bars.work("restore"))
         assert settings.database_url is not None  # noqa: S101 - as_it_is() sees to it
-        if embedded:
+        if named.database_url is None:  # the embedded one
             migrate.upgrade(settings.database_url, finish=True)
         standing = migrate.standing_of(settings.database_url)
     seconds = time.perf_counter() - started
     typer.echo(
         f"{_backup_summary(manifest)} are back, in {seconds:.1f} s. {restored.waiting} drives wait to be processed."
     )
-    for line in _backup_remarks(manifest):
-        typer.echo(line)
+    _warn_of(manifest)
     if restored.other_databases:
         typer.echo(
             f"Other databases have used the store of logs ({', '.join(restored.other_databases)}): nothing is removed "
@@ -98,10 +94,8 @@ def restore(
         )
     if standing.sentence:
         typer.echo(standing.sentence)
-    write_json(
-        json_file,
-        _backup_figures(manifest) | asdict(restored) | {"folder": str(folder), "seconds": round(seconds, 3)},
-    )
+    figures = _backup_figures(manifest) | asdict(restored)
+    write_json(json_file, figures | {"folder": str(folder), "seconds": round(seconds, 3)})
 
 
 def _backup_summary(manifest: Manifest) -> str:
@@ -114,28 +108,24 @@ def _backup_summary(manifest: Manifest) -> str:
     )
 
 
-def _backup_remarks(manifest: Manifest) -> list[str]:
+def _warn_of(manifest: Manifest) -> None:
     from app.upkeep.manifest import some
 
-    lines = []
     if manifest.missing:
-        lines.append(
+        typer.echo(
             f"Warning: {len(manifest.missing)} logs are not in the store and not in the backup: "
             f"{some(manifest.missing)}. Their drives keep what they said; uploading a log again gives it back."
         )
     if manifest.damaged:
-        lines.append(
+        typer.echo(
             f"Warning: {len(manifest.damaged)} logs are not as they were uploaded: {some(manifest.damaged)}. They are "
             "in the backup as they are; look at the disk that they are on."
         )
-    return lines
 
 
 def _backup_figures(manifest: Manifest) -> dict[str, Any]:
-    figures = {
-        name: getattr(manifest, name) for name in ("made_at", "versions", "drives", "segments", "size_bytes")
-    }
-    return figures | {"files": len(manifest.files), "missing": manifest.missing, "damaged": manifest.damaged}
+    names = ("made_at", "versions", "drives", "segments", "size_bytes", "files", "missing", "damaged")
+    return {name: getattr(manifest, name) for name in names} | {"files": len(manifest.files)}
 
 
 @app.command("doctor")
@@ -150,15 +140,14 @@ def doctor(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path
     from app.upkeep.doctor import Patient, examine
 
     console: Console = ctx.obj
-    named, embedded = settings_for(data_dir), True if data_dir else None
+    named = settings_for(data_dir)
     try:
-        with as_it_is(named, embedded=embedded) as (settings, factory), console.progress() as bars:
+        with as_it_is(named) as (settings, factory), console.progress() as bars:
             findings = examine(Patient(settings, factory), bars.work("looking"))
     except UnreachableError as error:
         findings = examine(Patient(named, None, str(error)))
-    console.table(
-        ("", "what", "found", "to do"), [(one.state, one.subject, one.found, one.advice) for one in findings]
-    )
+    rows = [(one.state, one.subject, one.found, one.advice) for one in findings]
+    console.table(("", "what", "found", "to do"), rows)
     worst = max(findings, key=lambda one: ("ok", "warn", "fail").index(one.state)).state
     write_json(json_file, {"state": worst, "findings": [asdict(one) for one in findings]})
     if worst == "fail":

@@ -7,12 +7,12 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import JSON_FILE
+from app.cli.options import JSON_FILE, flag, opt
 
 if TYPE_CHECKING:
     from app.demo.run import DemoResult
@@ -34,11 +34,9 @@ app = typer.Typer(add_completion=False)
 @app.command("demo")
 def demo(
     ctx: typer.Context,
-    serve: Annotated[bool, typer.Option("--serve", help="Keep serving the result until Ctrl-C.")] = False,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Where the results go.")
-    ] = Path("demo"),
-    port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port; 0 for any free one.")] = 0,
+    serve: bool = flag("Keep serving the result until Ctrl-C.", "--serve"),
+    output: Path = opt("Where the results go.", "--output", "-o", default=Path("demo"), metavar="DIR"),
+    port: int = opt("TCP port; 0 for any free one.", default=0, min=0, max=65535),
     json_file: Path | None = JSON_FILE,
 ) -> None:
     """Simulate a town and drives, run them through a service of its own, and compare with the truth.
@@ -54,10 +52,10 @@ def demo(
     started = time.perf_counter()
     with stop_signals():
         console.note("Starting a database, an API and a worker of its own ...")
-        with demo_service(console, port) as (service, settings):
+        with demo_service(console, port) as service:
             console.note(f"Serving at {service.address}. Simulating, importing, uploading ...")
             with console.progress() as bars:
-                result = run_demo(service, settings, output / "input", bars)
+                result = run_demo(service, output / "input", bars)
             files = write_files(result, output)
             show_scores(console, result)
             typer.echo(f"\nDone in {time.perf_counter() - started:.0f} s. Open:")
@@ -70,7 +68,7 @@ def demo(
                 )  # as it was called
                 typer.echo(f"On a map in your browser: {program} demo --serve")
                 return
-            typer.echo(f"Still serving at {service.address} until Ctrl-C. {reach(settings)}")
+            typer.echo(f"Still serving at {service.address} until Ctrl-C. {reach(service.settings)}")
             typer.echo(f"Open the map: {map_address(service.address, result.features)}")
             service.serve_forever()
         return

@@ -13,7 +13,8 @@ import numpy as np
 
 from app.demo.run import DemoResult
 from app.demo.score import Score
-from app.map.picture.slope_map import MapSegments
+from app.map.picture.slope_map import stored_segments
+from app.map.segment import Segment
 
 CREDIT = "Simulated town; no real place. Made by `versant demo`."
 
@@ -33,12 +34,16 @@ ERROR_COLUMNS = (
 
 def write_files(result: DemoResult, folder: Path) -> dict[str, Path]:
     """Write slopes.geojson, slopes.png, profile.png and errors.csv; returns what each is and where."""
+    from app.map.picture.slope_picture import write_map  # noqa: PLC0415 - it draws with matplotlib
+
     folder.mkdir(parents=True, exist_ok=True)
     geojson, picture = folder / "slopes.geojson", folder / "slopes.png"
     profile, errors = folder / "profile.png", folder / "errors.csv"
     document = {"type": "FeatureCollection", "attribution": CREDIT, "features": result.features}
     geojson.write_text(json.dumps(document, separators=(",", ":")) + "\n", encoding="utf-8")
-    draw_map(result.features, picture, title="Slopes measured by the simulated drives", credit=CREDIT)
+    segments = [Segment(**f["properties"], coordinates=f["geometry"]["coordinates"]) for f in result.features]
+    title = "Slopes measured by the simulated drives"
+    write_map(picture, stored_segments(segments), title=title, credit=CREDIT)
     profile.write_bytes(result.profile_png)
     _write_errors(result, errors)
     return {
@@ -47,23 +52,6 @@ def write_files(result: DemoResult, folder: Path) -> dict[str, Path]:
         "elevation profile of one drive": profile,
         "every slope beside the truth": errors,
     }
-
-
-def draw_map(features: Sequence[Mapping[str, Any]], path: Path, *, title: str, credit: str) -> None:
-    """Draw a service's features as a slope map."""
-    from app.map.picture.slope_picture import write_map  # noqa: PLC0415 - it draws with matplotlib
-
-    ends = np.array([[f["geometry"]["coordinates"][0], f["geometry"]["coordinates"][-1]] for f in features])
-    columns = [f["properties"] for f in features]
-    segments = MapSegments(
-        ends_deg=ends,
-        slope_percent=_column(columns, "slope_percent"),
-        slope_sigma_percent=_column(columns, "slope_sigma_percent"),
-        bridge=np.array([bool(c["bridge"]) for c in columns]),
-        tunnel=np.array([bool(c["tunnel"]) for c in columns]),
-        name=np.array([c["name"] for c in columns], np.object_),
-    )
-    write_map(path, segments, title=title, credit=credit)
 
 
 def map_address(service: str, features: Sequence[Mapping[str, Any]]) -> str:
@@ -76,12 +64,9 @@ def map_address(service: str, features: Sequence[Mapping[str, Any]]) -> str:
 def figures(result: DemoResult) -> dict[str, Any]:
     """What ``--json`` says."""
     return {
-        "scores": {name: _figures(s) for name, s in result.scores().items()},
-        "by_kind": {name: _figures(s) for name, s in result.scores_by_kind().items()},
-        "by_structure": {
-            kind: {name: _figures(s) for name, s in scores.items()}
-            for kind, scores in result.scores_by_structure().items()
-        },
+        "scores": _figures(result.scores()),
+        "by_kind": _figures(result.scores_by_kind()),
+        "by_structure": {kind: _figures(scores) for kind, scores in result.scores_by_structure().items()},
         "drives": [
             {"file": path.name, "drive": drive.id, "report": drive.document.get("report")}
             for path, drive in zip(result.bundle.drives, result.drives, strict=True)
@@ -90,12 +75,8 @@ def figures(result: DemoResult) -> dict[str, Any]:
     }
 
 
-def _figures(one: Score) -> dict[str, Any]:
-    return {**asdict(one), "coverage": one.coverage}
-
-
-def _column(columns: Sequence[Mapping[str, Any]], name: str) -> Any:
-    return np.array([np.nan if c[name] is None else c[name] for c in columns], float)
+def _figures(scores: Mapping[str, Score]) -> dict[str, Any]:
+    return {name: asdict(score) for name, score in scores.items()}
 
 
 def _write_errors(result: DemoResult, path: Path) -> None:

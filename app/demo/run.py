@@ -17,10 +17,10 @@ import numpy as np
 
 from app.cli.client import Client, RemoteDrive, shown
 from app.cli.console import Bars, Console
+from app.cli.database import sessions_of
 from app.cli.fuse_files import Fusion
 from app.cli.supervisor import Service
 from app.core import migrate
-from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
 from app.demo.score import Estimate, Score, SegmentKey, Truth, by_kind, by_structure, score
 from app.embedded.cluster import EmbeddedPostgres
@@ -90,7 +90,7 @@ class DemoResult:
 
 
 @contextmanager
-def demo_service(console: Console, port: int = 0) -> Iterator[tuple[Service, Settings]]:
+def demo_service(console: Console, port: int = 0) -> Iterator[Service]:
     """API and worker on a database in a folder of its own, which is removed at the end."""
     # Not durable: nobody misses this database after a power cut, and it starts in half the time.
     with (
@@ -102,12 +102,11 @@ def demo_service(console: Console, port: int = 0) -> Iterator[tuple[Service, Set
             database_url=cluster.url, data_dir=Path(folder), port=port, host="127.0.0.1", log_level="WARNING"
         )
         with Service(settings, console, cluster=cluster) as service:
-            yield service, service.settings
+            yield service
 
 
 def run_demo(
     service: Service,
-    settings: Settings,
     folder: Path,
     bars: Bars,
     *,
@@ -125,11 +124,11 @@ def run_demo(
     with _timed("simulate", seconds):
         bundle = write_all(folder, drives, seed, duration_s=duration_s, progress=bars.work("simulating"))
     with _timed("import", seconds):
-        _import(settings, bundle, bars)
+        _import(service.settings, bundle, bars)
     with Client(service.address) as client:
         with _timed("fuse", seconds):
             done = _upload(client, bundle.drives, options or {}, bars)
-        features = list(client.segments())
+        features = list(client.features("/collections/segments/items", limit=1000))
         shown_drive = done[_drive_to_show(bundle)]
         profile = client.get(f"/v1/drives/{shown_drive.id}/profile", accept="image/png").content
     with _timed("baselines", seconds):
@@ -161,14 +160,9 @@ def _drive_to_show(bundle: Demonstration) -> int:
 
 
 def _import(settings: Settings, bundle: Demonstration, bars: Bars) -> None:
-    assert settings.database_url is not None  # noqa: S101 - demo_service sees to it
-    engine = make_engine(settings.database_url, pool_size=1)
-    try:
-        sessions = session_factory(engine)
+    with sessions_of(settings) as sessions:
         road_imports.import_roads(sessions, bundle.osm, settings.dem_dir, bars.work(bundle.osm.name))
         dem_imports.import_dem(sessions, [bundle.dem], settings.dem_dir, bars.work(bundle.dem.name))
-    finally:
-        engine.dispose()
 
 
 def _upload(

@@ -46,11 +46,8 @@ class Score:
     """Share of errors within 1.96 sigma; 0.95 is right."""
     wrong_sign: float
     """Share with the wrong sign, among slopes steeper than 1 %."""
-
-    @property
-    def coverage(self) -> float:
-        """Share of the driven segments that have an estimate."""
-        return self.estimated / self.segments if self.segments else float("nan")
+    coverage: float
+    """Share of the driven segments that have an estimate."""
 
 
 def score(truth: Mapping[SegmentKey, Truth], estimates: Mapping[SegmentKey, Estimate]) -> Score:
@@ -68,6 +65,7 @@ def score(truth: Mapping[SegmentKey, Truth], estimates: Mapping[SegmentKey, Esti
         p90_percent=float(np.quantile(np.abs(error), 0.9)) if both else float("nan"),
         within_95=_share(np.abs(error) <= NORMAL_95 * sigma, np.isfinite(sigma)),
         wrong_sign=_share(np.sign(slope) != np.sign(true), steep),
+        coverage=len(both) / len(truth) if truth else float("nan"),
     )
 
 

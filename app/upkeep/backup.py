@@ -11,6 +11,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -77,7 +78,11 @@ def back_up(
             dump(settings.database_url, exported, folder / path, versions.postgres_major)
         files = _Files(folder, former, progress)
         blobs = BlobStore(settings.blob_store_url)
-        files.add_all("logs", [_log(blobs, key, *facts) for key, facts in contents.blobs.items()])
+        logs = [
+            _Wanted(f"{LOGS}/{key}", partial(blobs.open, key), size_bytes, sha256)
+            for key, (sha256, size_bytes) in contents.blobs.items()
+        ]
+        files.add_all("logs", logs)
         files.add_all("rasters", [one for source in contents.rasters for one in _raster(settings, source)])
         files.add_all("roads", list(_road_files(settings, contents.road_files)))
         with sessions() as session:
@@ -116,7 +121,7 @@ class _Files:
             self._progress(stage, done / total)
             done += one.size_bytes
             try:
-                entry = self._former[one.path] if self._known(one) else self._take(one)
+                entry = self._known(one) or self._take(one)
             except FileNotFoundError:
                 self.missing.append(one.path)
                 continue
@@ -133,13 +138,11 @@ class _Files:
                 return entry
         return keep(self._folder, one.path, one.opened)
 
-    def _known(self, one: _Wanted) -> bool:
+    def _known(self, one: _Wanted) -> Entry | None:
+        """The file as the backup before has it."""
         entry = self._former.get(one.path)
-        return (
-            is_there(self._folder, entry)
-            and entry is not None
-            and entry.sha256 == (one.sha256 or entry.sha256)
-        )
+        fits = entry is not None and one.sha256 in {None, entry.sha256} and is_there(self._folder, entry)
+        return entry if fits else None
 
     def _require_room(self, size_bytes: int) -> None:
         free = free_bytes(*file_system(str(self._folder)))
@@ -156,10 +159,6 @@ def _require_same(former: Manifest | None, identity: str, folder: Path) -> None:
             f"{folder} holds the backup of another database, of {former.made_at} with {former.drives} drives. It stays "
             "as it is; name another folder."
         )
-
-
-def _log(blobs: BlobStore, key: str, sha256: str, size_bytes: int) -> _Wanted:
-    return _Wanted(f"{LOGS}/{key}", lambda: blobs.open(key), size_bytes, sha256)
 
 
 def _raster(settings: Settings, source: Mapping[str, object]) -> Iterator[_Wanted]:

@@ -91,9 +91,8 @@ def _programs(patient: Patient) -> Iterator[Finding]:
     import rasterio  # noqa: PLC0415
 
     here = f"Versant {code_version()}, Python {platform.python_version()}"
-    yield Finding(
-        "programs", "ok", f"{here}, GDAL {rasterio.__gdal_version__}, PROJ {pyproj.proj_version_str}"
-    )
+    libraries = f"GDAL {rasterio.__gdal_version__}, PROJ {pyproj.proj_version_str}"
+    yield Finding("programs", "ok", f"{here}, {libraries}")
 
 
 def _access(patient: Patient) -> Iterator[Finding]:
@@ -147,22 +146,17 @@ def _database(settings: Settings, session: Session) -> Iterator[Finding]:
         yield Finding("schema", "fail", standing.sentence, "Until then neither API nor workers run.")
         return
     finding = standing.sentence or f"The database is at migration {standing.revision}, as this program."
-    yield Finding(
-        "schema", "warn" if standing.newer else "ok", finding, "Update the program." * standing.newer
-    )
+    state: State = "warn" if standing.newer else "ok"
+    yield Finding("schema", state, finding, "Update the program." * standing.newer)
 
 
 def _clock(settings: Settings, session: Session) -> Iterator[Finding]:
     before, there, after = datetime.now(UTC), store.server_clock(session), datetime.now(UTC)
     skew_s = max((before - there).total_seconds(), (there - after).total_seconds(), 0.0)
     state: State = "fail" if skew_s > SKEW_FAIL_S else "warn" if skew_s > SKEW_WARN_S else "ok"
+    finding = f"The database's clock and this one are {skew_s:.1f} s apart."
     advice = "Let both follow a time server: signs of life and ages are told by the clocks."
-    yield Finding(
-        "clocks",
-        state,
-        f"The database's clock and this one are {skew_s:.1f} s apart.",
-        advice * (state != "ok"),
-    )
+    yield Finding("clocks", state, finding, advice * (state != "ok"))
 
 
 def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
@@ -180,9 +174,8 @@ def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
         yield Finding("queue", "ok", finding)
     if workers.stuck:
         finding = f"{workers.stuck} jobs are held by workers that are silent."
-        yield Finding(
-            "stuck jobs", "warn", finding, "A worker that lives puts them back by itself; start one."
-        )
+        advice = "A worker that lives puts them back by itself; start one."
+        yield Finding("stuck jobs", "warn", finding, advice)
     if workers.queued:
         finding = f"{workers.queued} drives wait and have no job, as after an update."
         advice = "A worker gives them one within minutes; start one."

@@ -147,10 +147,8 @@ def entry_of(folder: Path, path: str) -> Entry:
         return Entry(path, file.stat().st_size, hashlib.file_digest(opened, "sha256").hexdigest())
 
 
-def is_there(folder: Path, entry: Entry | None) -> bool:
+def is_there(folder: Path, entry: Entry) -> bool:
     """Whether a file of an earlier backup is still there, by its size: files of a backup are never written again."""
-    if entry is None:
-        return False
     file = folder / entry.path
     return file.is_file() and file.stat().st_size == entry.size_bytes
 

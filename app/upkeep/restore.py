@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import uuid
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +11,7 @@ from app.changes.webhooks.store import switch_all_off
 from app.core import databases, migrate, mirror
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
-from app.core.durable import make_folder, rename_durably
-from app.core.filesystems import file_system, free_bytes
+from app.core.filesystems import file_system, free_bytes, put_file
 from app.core.settings import Settings
 from app.upkeep import dumps, store
 from app.upkeep.dumps import BackupError
@@ -131,7 +128,8 @@ def _rasters(
     place = mirror.local_folder(settings.dem_dir)
     for done, (entry, name) in enumerate(files):
         progress("rasters", done / len(files))
-        _take(folder / entry.path, place / name)
+        if not (place / name).exists():
+            put_file(*file_system(str(place)), folder / entry.path, name)
     try:
         # The quality layer first: where a raster is, what belongs to it is as well.
         mirror.send(
@@ -141,16 +139,3 @@ def _rasters(
         raise BackupError(
             f"A raster cannot be kept: {error} See to the storage of VERSANT_DEM_URL."
         ) from error
-
-
-def _take(source: Path, target: Path) -> None:
-    """Copy a file to where nothing is, whole or not at all."""
-    if target.exists():
-        return
-    make_folder(target.parent)
-    part = target.with_name(f".{uuid.uuid4().hex}")
-    try:
-        shutil.copyfile(source, part)
-        rename_durably(part, target)
-    finally:
-        part.unlink(missing_ok=True)

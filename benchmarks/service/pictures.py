@@ -63,10 +63,10 @@ def main() -> None:
         with (
             stop_signals(),
             tempfile.TemporaryDirectory() as made_in,
-            demo_service(console) as (service, settings),
+            demo_service(console) as service,
         ):
             with console.progress() as bars:
-                result = run_demo(service, settings, Path(made_in), bars)
+                result = run_demo(service, Path(made_in), bars)
             for name, picture in take_pictures(addresses(service.address, result)).items():
                 content = small(picture)
                 (folder / f"{name}.png").write_bytes(content)

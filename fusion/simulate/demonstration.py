@@ -58,24 +58,31 @@ class Demonstration:
 
 
 def demo_drives(
-    town: Town, count: int, seed: int = 1, *, duration_s: float = 600.0, rate_hz: float = 1.0
+    town: Town,
+    count: int,
+    seed: int = 1,
+    *,
+    duration_s: float = 600.0,
+    rate_hz: float = 1.0,
+    receiver: str | None = None,
 ) -> Iterator[NamedDrive]:
     """Yield ``count`` drives that together cover as much of the town as they can, in mixed receivers and
-    formats.
+    formats; with a ``receiver``, each for itself, of that one and as CSV.
 
     The first ones take the motorway, the ramps, the bridges and the tunnel; six drives of 600 s pass most of
     the town, further ones pass it again. Each has its own start time, an hour and a half after the one
     before.
     """
-    visits = np.zeros(len(town.roads), np.int64)
+    mix = _MIX if receiver is None else ((receiver, "csv"),)
+    visits = np.zeros(len(town.roads), np.int64) if receiver is None else None
     for k in range(count):
-        receiver, suffix = _MIX[k % len(_MIX)]
+        used, suffix = mix[k % len(mix)]
         drive = simulate_drive(
             town,
             1000 * seed + k,
             duration_s,
             rate_hz=rate_hz,
-            receiver=receiver,
+            receiver=used,
             visits=visits,
             first=structures(town),
         )
@@ -89,13 +96,14 @@ def write_all(
     *,
     duration_s: float = 600.0,
     rate_hz: float = 1.0,
+    receiver: str | None = None,
     progress: Progress = no_progress,
 ) -> Demonstration:
     """Make the town of ``seed`` and write town.osm, dem.tif, drive_01.csv ... and truth.csv into ``folder``.
 
-    The folder is created where it is missing and files in it are overwritten. ``truth.csv`` holds the
-    segments that the drives cover, or the whole town without drives. Raises ``OSError`` where the folder
-    cannot be written.
+    ``receiver`` as in ``demo_drives``. The folder is created where it is missing and files in it are overwritten.
+    ``truth.csv`` holds the segments that the drives cover, or the whole town without drives. Raises ``OSError``
+    where the folder cannot be written.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -105,7 +113,7 @@ def write_all(
     write_dem(town, folder / "dem.tif")
     paths: list[Path] = []
     simulated: list[SimulatedDrive] = []
-    for named in demo_drives(town, drives, seed, duration_s=duration_s, rate_hz=rate_hz):
+    for named in demo_drives(town, drives, seed, duration_s=duration_s, rate_hz=rate_hz, receiver=receiver):
         progress("drives", len(paths) / max(drives, 1))
         paths.append(named.write(folder))
         simulated.append(named.drive)

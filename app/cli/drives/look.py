@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
-from enum import StrEnum
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -39,14 +38,8 @@ def a_moment(text: str | None) -> str | None:
         ) from None
 
 
-class Status(StrEnum):
-    """Where a drive stands; the service's own names, known here without loading it."""
-
-    QUEUED = "queued"
-    RUNNING = "running"
-    DONE = "done"
-    FAILED = "failed"
-    CANCELLED = "cancelled"
+Status = Literal["queued", "running", "done", "failed", "cancelled"]
+"""Where a drive stands; the service's own names, known here without loading it."""
 
 
 def list_drives(
@@ -65,7 +58,7 @@ def list_drives(
 ) -> None:
     """List drives, the newest upload first, with the reason of what failed."""
     console: Console = ctx.obj
-    filters = {"status": status and str(status), "failure": failure, "created_after": since, "batch": batch}
+    filters = {"status": status, "failure": failure, "created_after": since, "batch": batch}
     with service_client(server) as client:
         drives = listed(client, filters, limit)
     columns = ("id", "status", "file", "km", "segments", "uploaded", "method", "reason")
@@ -84,8 +77,7 @@ def show(
     """Show what is known of a drive: its file, its times, its result, its warnings; all of its report with --json."""
     with service_client(server) as client:
         document = client.drive(drive).document
-    for line in drive_lines(document):
-        typer.echo(line)
+    typer.echo("\n".join(drive_lines(document)))
     write_json(json_file, document)
 
 
@@ -164,15 +156,14 @@ def _of_drive(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_result(document: Mapping[str, Any], report: Mapping[str, Any]) -> dict[str, Any]:
-    bbox = document.get("bbox")
     return {
-        "length": None if _km(document) is None else f"{_km(document):.2f} km",
+        "length": _formed("{:.2f} km", _km(document)),
         "segments": report.get("segments_estimated"),
-        "median sigma": _sigma(report.get("median_slope_sigma_percent")),
+        "median sigma": _formed("{:.2g} %", report.get("median_slope_sigma_percent")),
         "positions": document.get("epochs"),
         "matched to roads": _percent(report.get("matched_share")),
         "rejected segments": report.get("rejected_segments"),
-        "west,south,east,north": None if bbox is None else ",".join(f"{degrees:.5f}" for degrees in bbox),
+        "west,south,east,north": ",".join(f"{degrees:.5f}" for degrees in document.get("bbox") or ()),
         "code version": report.get("code_version"),
         "roads version": report.get("road_version"),
         "elevation version": report.get("dem_version"),
@@ -212,8 +203,8 @@ def _percent(share: float | None) -> str | None:
     return None if share is None else f"{100 * share:.0f} %"
 
 
-def _sigma(percent: float | None) -> str | None:
-    return None if percent is None else f"{percent:.2g} %"
+def _formed(form: str, number: float | None) -> str | None:
+    return None if number is None else form.format(number)
 
 
 def _size(count: int | None) -> str | None:

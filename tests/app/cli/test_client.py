@@ -97,7 +97,7 @@ def test_all_pages_are_read() -> None:
         return httpx.Response(200, json={"features": [{"id": page}], "links": links})
 
     with client(answer) as service:
-        assert [f["id"] for f in service.segments(bbox=(1, 2, 3, 4))] == [0, 1, 2]
+        assert [f["id"] for f in service.features("/collections/segments/items")] == [0, 1, 2]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import app
-from app.cli.database import database
+from app.cli.database import database, settings_for
 from app.core import migrate
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
@@ -30,9 +30,11 @@ def test_a_database_that_is_named_is_taken_as_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.db
-def test_a_data_folder_wins_over_the_variable_and_comes_migrated(tmp_path: Path) -> None:
-    settings = Settings(database_url="postgresql://me@db.example/slopes", data_dir=tmp_path)
-    with database(settings, embedded=True) as found:
+def test_a_data_folder_wins_over_the_variable_and_comes_migrated(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("VERSANT_DATABASE_URL", "postgresql://me@db.example/slopes")
+    with database(settings_for(tmp_path)) as found:
         assert EmbeddedPostgres(tmp_path).is_running()
         assert revision_of(str(found.database_url)) == migrate.latest_revision()
     assert not EmbeddedPostgres(tmp_path).is_running()
@@ -42,7 +44,7 @@ def test_a_data_folder_wins_over_the_variable_and_comes_migrated(tmp_path: Path)
 def test_nobody_else_reads_the_logs_and_rasters_of_a_data_folder(tmp_path: Path) -> None:
     """Folders of an older version, made as the umask said, are closed as well."""
     (tmp_path / "blobs").mkdir(mode=0o755)
-    with database(Settings(data_dir=tmp_path), embedded=True):
+    with database(settings_for(tmp_path)):
         for folder in ("blobs", "dem", "postgres"):
             assert (tmp_path / folder).stat().st_mode & 0o077 == 0, folder
 
@@ -52,7 +54,7 @@ def test_folders_that_are_named_apart_keep_their_rights(tmp_path: Path) -> None:
     shared = tmp_path / "shared"
     shared.mkdir(mode=0o755)
     named = Settings(data_dir=tmp_path / "data", blob_url=shared.as_uri(), dem_url=str(shared))
-    with database(named, embedded=True):
+    with database(named):
         assert shared.stat().st_mode & 0o777 == 0o755
         assert not (named.data_dir / "blobs").exists()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import httpx
 import pytest
@@ -144,7 +144,7 @@ def test_filters_that_cannot_be_are_wrong_usage(run: Run, arguments: list[str]) 
 
 
 def test_the_command_knows_every_status() -> None:
-    assert tuple(Status) == DRIVE_STATUSES
+    assert get_args(Status) == DRIVE_STATUSES
 
 
 def test_deleting_goes_on_after_a_drive_that_is_not_there(run: Run) -> None:

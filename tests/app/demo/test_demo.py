@@ -13,7 +13,6 @@ import pytest
 
 from app.cli.console import Console
 from app.cli.supervisor import Service
-from app.core.settings import Settings
 from app.demo.command import show_scores
 from app.demo.files import figures, map_address, write_files
 from app.demo.run import DemoError, demo_service, run_demo, straight_lines
@@ -96,7 +95,7 @@ def test_examples_are_distinct_and_not_more_than_asked(count: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def running() -> Iterator[tuple[Service, Settings]]:
+def running() -> Iterator[Service]:
     with demo_service(Console(quiet=True)) as running:
         yield running
 
@@ -104,11 +103,11 @@ def running() -> Iterator[tuple[Service, Settings]]:
 @pytest.mark.slow
 @pytest.mark.db
 def test_small_demo_from_end_to_end(
-    running: tuple[Service, Settings], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    running: Service, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     console = Console(quiet=True)
     with console.progress() as bars:
-        result = run_demo(*running, tmp_path / "input", bars, drives=2, duration_s=90.0)
+        result = run_demo(running, tmp_path / "input", bars, drives=2, duration_s=90.0)
     files = write_files(result, tmp_path)
     assert all(path.stat().st_size > 0 for path in files.values())
     collection = json.loads((tmp_path / "slopes.geojson").read_text())
@@ -142,6 +141,6 @@ def test_small_demo_from_end_to_end(
 
 @pytest.mark.slow
 @pytest.mark.db
-def test_a_drive_that_fails_ends_the_demo_in_words(running: tuple[Service, Settings], tmp_path: Path) -> None:
+def test_a_drive_that_fails_ends_the_demo_in_words(running: Service, tmp_path: Path) -> None:
     with Console(quiet=True).progress() as bars, pytest.raises(DemoError, match="ended as failed"):
-        run_demo(*running, tmp_path, bars, drives=1, duration_s=2.0)
+        run_demo(running, tmp_path, bars, drives=1, duration_s=2.0)
