@@ -54,7 +54,6 @@ class Run:
     begun_at: datetime
     dem_version: int
     progress: Progress
-    pauses: bool = True
     steps: int = 0
     longest_hold_s: float = 0.0
     _size: int = 200
@@ -73,8 +72,7 @@ class Run:
             self.longest_hold_s = max(self.longest_hold_s, held_s)
             size = len(columns[0]) * HOLD_S / max(held_s, 1e-4)
             self._size = int(min(max(size, self._size / 2, LEAST), 2 * self._size, MOST))
-            if self.pauses:
-                time.sleep(held_s)
+            time.sleep(held_s)
 
     def pieces(self, weights: Ints, *, owns: bool) -> Iterator[slice]:
         """Parts of so many things in their order: as large as the last step allows, and large where none waits."""
