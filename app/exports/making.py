@@ -26,7 +26,7 @@ from app.exports.format import Format, NoOptions, Stated, statements
 from app.exports.formats import FORMATS
 from app.exports.source import OnProgress, Query, Source
 from app.map import segment
-from app.roads.store import find_region, known_region, region_names
+from app.roads.store import all_regions, known_region
 from app.terrain.coverage import rasters_over
 from app.terrain.store import current_dem
 from fusion.errors import BadOptionsError, FusionError
@@ -73,7 +73,6 @@ def provenance(session: Session, place: FilePlace, state: State, request: Reques
         for box in _boxes(request.bbox)
         for name in rasters_over(session, active, bbox=box, driven=request.driven)
     }
-    regions = [region for name in region_names(session) if (region := find_region(session, name))]
     return {
         "generator": f"Versant {code_version()}",
         "data_version": state.version,
@@ -97,7 +96,7 @@ def provenance(session: Session, place: FilePlace, state: State, request: Reques
                 "sha256": one.sha256,
                 "imported_at": utc_text(one.imported_at),
             }
-            for one in regions
+            for one in all_regions(session)
         ],
         "elevation": None
         if active is None
