@@ -70,9 +70,9 @@ def plan_of(sessions: Sessions, query: str, values: dict[str, object]) -> str:
         )
 
 
-def old_pass(drive: int, day: float, number: int) -> condensed.OldPass:
+def old_pass(drive: int, day: float, number: int) -> condensed.StoredPass:
     factor, _ = pass_over(street(80.0), 0, 2.0, 0.5, begin_s=86_400.0 * day)
-    return condensed.OldPass(number, uuid.UUID(int=drive), factor, 1.0)
+    return condensed.StoredPass(number, uuid.UUID(int=drive), True, factor)
 
 
 @pytest.mark.usefixtures("tiny")
