@@ -19,9 +19,9 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 DRIVE_STATUSES = ("queued", "running", "done", "failed", "cancelled")
 
 IS_SHOWN = "{}.status <> 'cancelled'"
-"""SQL on a row of ``drives`` of that name: from the answer to the request for its removal on nobody is shown a drive,
-nor anything of it. Its row stays only until the map is solved without it. Every statement that reads drives for
-somebody says this."""
+"""SQL on a row of ``drives`` under that name: whether the drive is shown. Once a request for its removal is answered,
+nobody is shown the drive or anything of it. Its row stays until the map is solved without it. Every statement that
+reads drives for somebody has this condition."""
 
 WITHOUT_HEIGHTS = "dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL"
 """Segments that were imported before heights of the elevation model were kept, and wait for them."""
@@ -137,7 +137,7 @@ class Road(OfWay):
     name: Mapped[str | None]
     oneway: Mapped[int] = mapped_column(sa.SmallInteger)
     bridge: Mapped[bool]
-    """Any of it, as of ``tunnel``."""
+    """Whether any part of it is one; ``tunnel`` likewise."""
     tunnel: Mapped[bool]
     dem_slope_percent: Mapped[float | None]
 
@@ -191,7 +191,7 @@ class Drive(Followed, Base):
 
     sha256: Mapped[str] = mapped_column(unique=True)
     content_sha256: Mapped[str | None] = mapped_column(unique=True)
-    """Of what the bytes unpack to (``app.core.content``); NULL: uploaded before that was told."""
+    """Of what the bytes unpack to (``app.core.content``); NULL of drives from before it was computed."""
     filename: Mapped[str]
     size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
     blob_key: Mapped[str]
