@@ -7,7 +7,6 @@ library's business.
 
 from __future__ import annotations
 
-import hashlib
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from tempfile import TemporaryDirectory
 
 from sqlalchemy.orm import Session
 
+from app.core import mirror
 from app.core.db import Sessions
 from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
@@ -84,8 +84,7 @@ def _bring_file(
 ) -> ImportCounts:
     """``bring_in`` of a file of roads, made perhaps of the file that was given, and kept for changes to come."""
     table = read_roads(roads, progress)
-    with given.open("rb") as file:
-        source = replace(source, sha256=hashlib.file_digest(file, "sha256").hexdigest())
+    source = replace(source, sha256=mirror.sha256_of(given))
     if wishes.dry_run:
         return bring_in(sessions, table, source, dem_dir, wishes, progress)
     progress("keeping the file", 0.0)
@@ -97,7 +96,7 @@ def _bring_file(
         with sessions() as session:
             known = store.find_region(session, source.region)
         if known is None or known.file_uri != uri:  # else the roads are in, and the file is theirs
-            region_files.forget_file(dem_dir, uri)
+            mirror.forget(dem_dir, uri)
         raise
 
 
@@ -144,7 +143,7 @@ def bring_in(
             except steps.TerrainChangedError:
                 work.plan(dem_dir)  # the rest of it, with the heights of now
         if work.former_uri is not None:
-            region_files.forget_file(dem_dir, work.former_uri)
+            mirror.forget(dem_dir, work.former_uri)
     try:
         solve_all_marked(sessions, progress)
     except Exception:
@@ -267,14 +266,9 @@ class Import:
         if not len(self.table):
             store.forget_region(session, run.region)
             return
-        store.note_import(
-            session,
-            run.region,
-            source_name=self.source.name,
-            sha256=self.source.sha256,
-            version=run.version,
-            segments=counts.segments,
-            file_uri=self.source.file_uri,
-            file_sha256=self.source.file_sha256,
-            bounds=list(self.table.bounds_deg()),
-        )
+        brought = {
+            "version": run.version,
+            "segments": counts.segments,
+            "bounds": list(self.table.bounds_deg()),
+        }
+        store.note_import(session, run.region, **vars(self.source), **brought)

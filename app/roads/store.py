@@ -134,7 +134,7 @@ _MAKE = text("""
     VALUES (:name, :source_name, :sha256, :version, 0) RETURNING id
 """)
 _NOTE = text("""
-    UPDATE regions SET source_name = :source_name, sha256 = :sha256, road_version_id = :version,
+    UPDATE regions SET source_name = :name, sha256 = :sha256, road_version_id = :version,
         segments = :segments, imported_at = clock_timestamp(), file_uri = :file_uri, file_sha256 = :file_sha256,
         bounds = CAST(:bounds AS float8[])
     WHERE id = :id
@@ -222,7 +222,7 @@ def make_region(session: Session, name: str, source_name: str, sha256: str, vers
 
 
 def note_import(session: Session, region_id: int, **columns: Any) -> None:
-    """Note what an import brought: ``source_name``, ``sha256``, ``version``, ``segments``, ``file_uri``,
+    """Note what an import brought: ``name`` and ``sha256`` of the file, ``version``, ``segments``, ``file_uri``,
     ``file_sha256``, ``bounds``."""
     session.execute(_NOTE, {"id": region_id, **columns})
 
