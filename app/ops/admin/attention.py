@@ -35,12 +35,10 @@ _FAILED = text("""
 
 def _drives_since(moment: str, condition: str) -> TextClause:
     """How many drives have been in a state for longer than ``age_s``, and for how long the first of them."""
-    return text(
-        f"""
+    return text(f"""
         SELECT count(*), extract(epoch FROM clock_timestamp() - min({moment})) FROM drives
         WHERE {condition} AND {moment} < clock_timestamp() - make_interval(secs => :age_s)
-        """  # noqa: S608 - constants
-    )
+    """)  # noqa: S608 - constants
 
 
 # What runs and what is removed are few, and have an index by status; what waits has one of its own. Drives of batches
