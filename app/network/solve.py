@@ -111,8 +111,7 @@ _NEAR = text("""
 
 def control_near(session: Session, bounds_deg: Bounds) -> list[ControlPoint]:
     """The stored points in a box (degrees), in the same order however they came."""
-    west, south, east, north = bounds_deg
-    box = {"west": west, "south": south, "east": east, "north": north}
+    box = dict(zip(("west", "south", "east", "north"), bounds_deg, strict=True))
     return [ControlPoint(*row) for row in session.execute(_NEAR, box)]
 
 
