@@ -12,7 +12,7 @@ import asyncio
 import re
 from collections import deque
 from collections.abc import AsyncIterator, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, nullcontext
 from urllib.parse import unquote_plus
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -159,16 +159,10 @@ class Turnstile:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Wait for a turn of the event loop's."""
         if scope["type"] == "http" and scope["path"] not in FOR_PROBES:
-            if _STREAM.fullmatch(scope["path"]):
-                async with self._turn_of_streams:
-                    await self._wait()
-            else:
-                await self._wait()
+            before = self._turn_of_streams if _STREAM.fullmatch(scope["path"]) else nullcontext()
+            async with before, self._turn:
+                await asyncio.sleep(0)
         await self.app(scope, receive, send)
-
-    async def _wait(self) -> None:
-        async with self._turn:
-            await asyncio.sleep(0)
 
 
 class Admission:

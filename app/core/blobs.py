@@ -116,12 +116,10 @@ class BlobStore:
     def sweep(self, older_than: timedelta = timedelta(days=1)) -> int:
         """Remove parts of uploads that began longer ago than ``older_than``; return how many."""
         limit = datetime.now(UTC) - older_than
-        removed = 0
-        for path in self._list(files.INCOMING):
-            if _changed_at(self._fs, path) < limit:
-                files.remove_file(self._fs, path)
-                removed += 1
-        return removed
+        old = [path for path in self._list(files.INCOMING) if _changed_at(self._fs, path) < limit]
+        for path in old:
+            files.remove_file(self._fs, path)
+        return len(old)
 
     def older(self, keys: Iterable[str], than: timedelta) -> list[str]:
         """Those of the blobs that were completed longer ago than that."""

@@ -38,9 +38,7 @@ def _http_url(url: str) -> str:
 
 
 def _login_url(url: str) -> str:
-    if re.match(r"/(?![/\\])", url):
-        return url
-    if not url.startswith(("http://", "https://")):
+    if not re.match(r"https?://|/(?![/\\])", url):
         raise ValueError("it must begin with http://, https:// or one /")
     return url
 
