@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections import Counter, deque
+from collections import deque
 from collections.abc import AsyncIterator, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, nullcontext
 from urllib.parse import unquote_plus
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -36,17 +36,12 @@ CHANGES = "changes"
 SEARCHES = "searches"
 PARTS = "parts"
 
-_KINDS = (
-    ("wide tiles", re.compile(r"/tiles/(\d|1[01])/.*")),
-    ("tiles", re.compile(r"/tiles/\d+/.*")),
-    (
-        PARTS,
-        re.compile(
-            r"/v1/drives/[^/]+/(track|segments)|/v1/segments/[^/]+/observations|/height|/v1/elevation"
-        ),
-    ),
-    ("figures", re.compile(r"/v1/admin/.*|/metrics")),
-)
+_KINDS = {
+    "wide tiles": r"/tiles/(\d|1[01])/.*",
+    "tiles": r"/tiles/\d+/.*",
+    PARTS: r"/v1/drives/[^/]+/(track|segments)|/v1/segments/[^/]+/observations|/height|/v1/elevation",
+    "figures": r"/v1/admin/.*|/metrics",
+}
 """A reading request is of the first class whose pattern fits its whole path."""
 _ITEMS = re.compile(r"/collections/[^/]+/items")
 _WITHOUT_SEARCH = frozenset(
@@ -74,7 +69,7 @@ class RequestClass:
     ) -> None:
         self.places = places
         self.for_others = for_others
-        self._held: Counter[str] = Counter()
+        self._held = Shares(places + for_others, places + for_others)
         self._waiting = Shares(most_waiting, most_waiting)
         self._turns: dict[str, deque[asyncio.Future[None]]] = {}
         self._longest_wait_s = longest_wait_s
@@ -86,15 +81,15 @@ class RequestClass:
         if client in self._turns or not self._allows(client):
             await self._turn(client)
         else:
-            self._held[client] += 1
+            self._held.take(client)
         try:
             yield
         finally:
             self._leave(client)
 
     def _allows(self, client: str) -> bool:
-        free = self.places + self.for_others - self._held.total()
-        return free > (self.for_others if self._held[client] else 0)
+        free = self._held.most - self._held.total
+        return free > (self.for_others if self._held.held[client] else 0)
 
     async def _turn(self, client: str) -> None:
         if not self._waiting.allows(client):
@@ -119,11 +114,9 @@ class RequestClass:
             self._waiting.give_back(client)
 
     def _leave(self, client: str) -> None:
-        self._held[client] -= 1
-        if not self._held[client]:
-            del self._held[client]
+        self._held.give_back(client)
         while waiting := [one for one in self._turns if self._allows(one)]:
-            self._serve(min(waiting, key=self._held.__getitem__))
+            self._serve(min(waiting, key=self._held.held.__getitem__))
 
     def _serve(self, client: str) -> None:
         """Give a place to the client's next request that still waits, and move the client behind the others."""
@@ -131,7 +124,7 @@ class RequestClass:
         while turns:
             turn = turns.popleft()
             if not turn.done():
-                self._held[client] += 1
+                self._held.take(client)
                 turn.set_result(None)
                 break
         if turns:
@@ -166,16 +159,10 @@ class Turnstile:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Wait for a turn of the event loop's."""
         if scope["type"] == "http" and scope["path"] not in FOR_PROBES:
-            if _STREAM.fullmatch(scope["path"]):
-                async with self._turn_of_streams:
-                    await self._wait()
-            else:
-                await self._wait()
+            before = self._turn_of_streams if _STREAM.fullmatch(scope["path"]) else nullcontext()
+            async with before, self._turn:
+                await asyncio.sleep(0)
         await self.app(scope, receive, send)
-
-    async def _wait(self) -> None:
-        async with self._turn:
-            await asyncio.sleep(0)
 
 
 class Admission:
@@ -217,4 +204,4 @@ def class_of_request(method: str, path: str, query: bytes = b"") -> str | None:
     if _ITEMS.fullmatch(path):
         names = {unquote_plus(pair.partition("=")[0]) for pair in query.decode("latin-1").split("&") if pair}
         return "wide tiles" if names <= _WITHOUT_SEARCH else SEARCHES
-    return next((name for name, pattern in _KINDS if pattern.fullmatch(path)), None)
+    return next((name for name, pattern in _KINDS.items() if re.fullmatch(pattern, path)), None)

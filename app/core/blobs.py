@@ -67,13 +67,7 @@ class BlobStore:
         ``StorageFullError`` as soon as less than ``keep_free_bytes`` would stay free, at once where ``expected_bytes``
         are too many already. What unpacks to more than ``max_content_bytes`` counts as its own content.
         """
-        writer = BlobWriter(self, keep_free_bytes, max_content_bytes)
-        try:
-            writer.require_room(expected_bytes)
-        except BaseException:
-            writer.discard()
-            raise
-        return writer
+        return BlobWriter(self, keep_free_bytes, expected_bytes, max_content_bytes)
 
     def free_bytes(self) -> int | None:
         """Free room for blobs, bytes; None where it is unknown, as of a bucket."""
@@ -122,12 +116,10 @@ class BlobStore:
     def sweep(self, older_than: timedelta = timedelta(days=1)) -> int:
         """Remove parts of uploads that began longer ago than ``older_than``; return how many."""
         limit = datetime.now(UTC) - older_than
-        removed = 0
-        for path in self._list(files.INCOMING):
-            if _changed_at(self._fs, path) < limit:
-                files.remove_file(self._fs, path)
-                removed += 1
-        return removed
+        old = [path for path in self._list(files.INCOMING) if _changed_at(self._fs, path) < limit]
+        for path in old:
+            files.remove_file(self._fs, path)
+        return len(old)
 
     def older(self, keys: Iterable[str], than: timedelta) -> list[str]:
         """Those of the blobs that were completed longer ago than that."""
@@ -176,7 +168,9 @@ class BlobWriter:
     The writer's user limits its size: ``size_bytes`` counts what was written so far.
     """
 
-    def __init__(self, store: BlobStore, keep_free_bytes: int, max_content_bytes: int) -> None:
+    def __init__(
+        self, store: BlobStore, keep_free_bytes: int, expected_bytes: int, max_content_bytes: int
+    ) -> None:
         self._fs, self._root, self._section = store._fs, store._root, store._section
         self._keep_free_bytes = keep_free_bytes
         self._name = uuid.uuid4().hex
@@ -184,6 +178,7 @@ class BlobWriter:
         self._hash = ContentHash(max_content_bytes)
         self._finished = self._closed = False
         self.size_bytes = 0
+        self.require_room(expected_bytes)
         with files.full_is_told():
             files.make_folder(self._fs, f"{self._root}/{files.INCOMING}")
             self._file = self._fs.open(self._part, "wb", block_size=BLOCK_BYTES)

@@ -22,12 +22,10 @@ from fusion.errors import FusionError
 CONNECT_TIMEOUT_S = 10  # for each address that a name stands for
 
 _MIGRATION = 0x5653_4D47  # "VSMG": any constant that no other user of this database takes
-_IDENTITY = text(
-    """
+_IDENTITY = text("""
     SELECT c.system_identifier || '-' || d.oid FROM pg_control_system() AS c, pg_database AS d
     WHERE d.datname = current_database()
-    """
-)
+""")
 
 
 class UnreachableError(FusionError):

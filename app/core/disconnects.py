@@ -118,11 +118,7 @@ class EndWithClient:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer the request, or end it."""
-        if (
-            scope["type"] != "http"
-            or scope["method"] not in {"GET", "HEAD"}
-            or has_body(Headers(scope=scope))
-        ):
+        if scope["type"] != "http" or scope["method"] not in {"GET", "HEAD"} or has_body(scope):
             await self.app(scope, receive, send)
             return
         request = _Request(send)
@@ -158,6 +154,7 @@ async def answer_nobody(send: Send) -> None:
     await send({"type": "http.response.body", "body": b""})
 
 
-def has_body(headers: Headers) -> bool:
+def has_body(scope: Scope) -> bool:
     """Whether a request announces a body."""
+    headers = Headers(scope=scope)
     return headers.get("content-length", "0") != "0" or "transfer-encoding" in headers

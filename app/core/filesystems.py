@@ -48,7 +48,7 @@ def is_folder(fs: Any) -> bool:
 
 
 def make_folder(fs: Any, path: str) -> None:
-    """See that there is a folder, where there are any: a bucket has none, and its driver would make the bucket."""
+    """Make a folder that is missing. A bucket has no folders: its driver would make the bucket itself."""
     if is_folder(fs):
         durable.make_folder(Path(path))
         return

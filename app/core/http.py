@@ -177,19 +177,21 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
 def geojson_answer(description: str, example: Any) -> dict[str, Any]:
     """The OpenAPI description of an answer in GeoJSON."""
     schema = {"type": "object", "required": ["type"], "properties": {"type": {"type": "string"}}}
-    return {"description": description, "content": {GEO_JSON: {"schema": schema, "example": example}}}
+    return _answer(description, GEO_JSON, schema, example)
 
 
 def text_answer(media_type: str, description: str, example: str) -> dict[str, Any]:
     """The OpenAPI description of an answer in text."""
-    content = {media_type: {"schema": {"type": "string"}, "example": example}}
-    return {"description": description, "content": content}
+    return _answer(description, media_type, {"type": "string"}, example)
 
 
 def json_answer(description: str, example: Any) -> dict[str, Any]:
     """The OpenAPI description of an answer in JSON that no model describes."""
-    content = {"application/json": {"schema": {"type": "object"}, "example": example}}
-    return {"description": description, "content": content}
+    return _answer(description, JSON, {"type": "object"}, example)
+
+
+def _answer(description: str, media_type: str, schema: Any, example: Any) -> dict[str, Any]:
+    return {"description": description, "content": {media_type: {"schema": schema, "example": example}}}
 
 
 def _described(kind: errors.Kind, detail: str, field: str | None = None) -> dict[str, Any]:
@@ -201,11 +203,7 @@ def _described(kind: errors.Kind, detail: str, field: str | None = None) -> dict
         "instance": "/the/path",
         "errors": [{"field": field, "message": detail}] if field else [],
     }
-    schema = {"$ref": "#/components/schemas/Problem"}
-    return {
-        "description": kind.title,
-        "content": {PROBLEM_JSON: {"schema": schema, "example": example}},
-    }
+    return _answer(kind.title, PROBLEM_JSON, {"$ref": "#/components/schemas/Problem"}, example)
 
 
 _PROBLEMS: dict[int, dict[str, Any]] = {

@@ -149,8 +149,7 @@ class EarlyAnswers:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Watch how far the body is read, and linger after an answer that came before its end."""
         # A client that sends "Expect: 100-continue" waits for permission, and reading would give it.
-        headers = Headers(scope=scope) if scope["type"] == "http" else Headers()
-        if "expect" in headers or not has_body(headers):
+        if scope["type"] != "http" or not has_body(scope) or "expect" in Headers(scope=scope):
             await self.app(scope, receive, send)
             return
         unread, early = True, False

@@ -67,7 +67,7 @@ def problem(place: FilePlace, name: str, sha256: str) -> str:
         return "" if fs.exists(f"{root}/{name}") else f"{name} is not in {place.url}"
     if not (place / name).is_file():
         return f"{name} is not in {place}"
-    return "" if _sha256(place / name) == sha256 else f"{name} is not as it was"
+    return "" if sha256_of(place / name) == sha256 else f"{name} is not as it was"
 
 
 def remove_older(place: FilePlace, group: str, than: timedelta) -> bool:
@@ -109,7 +109,7 @@ def _fetch(place: RemoteFolder, group: str, filename: str, sha256: str) -> None:
         paths.sort(key=lambda path: PurePosixPath(path).name == filename)
         for path in paths:
             fs.get_file(path, str(incoming / PurePosixPath(path).name))
-        if _sha256(incoming / filename) != sha256:
+        if sha256_of(incoming / filename) != sha256:
             raise MirrorError("its content is another one")
         for path in paths:
             part = incoming / PurePosixPath(path).name
@@ -139,6 +139,7 @@ def _reason(error: Exception) -> str:
     return reason.rstrip(". ")
 
 
-def _sha256(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """The SHA-256 of a file, hex."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,8 +1,8 @@
 """The state of a database's schema: the project's revision, the programs it still serves, and the queue's schema.
 
 The queue (procrastinate) ships its schema as one script and the way to it as a file for each change. The first
-migration takes the script; from then on ``bring_queue_up`` applies the files that are missing and notes each, so that
-an update of the package brings its schema along.
+migration takes the script. From then on ``bring_queue_up`` applies the files that are missing and notes each, so that
+an update of the package brings its schema along. A later migration (0010) began these notes.
 """
 
 from __future__ import annotations
@@ -21,44 +21,15 @@ from app.core.settings.places import libpq_url
 _HAS_TABLE = text("SELECT to_regclass(:name) IS NOT NULL")
 _REVISION = text("SELECT version_num FROM alembic_version")
 _OLDEST_PROGRAM = text("SELECT oldest_program FROM schema_support")
-_SUPPORT = text(
-    """
+_SUPPORT = text("""
     INSERT INTO schema_support (id, oldest_program) VALUES (1, :revision)
     ON CONFLICT (id) DO UPDATE SET oldest_program = excluded.oldest_program
-    """
-)
-_APPLIED = text("SELECT name FROM queue_migrations")
+""")
 
-_APPLIED_DIRECTLY = "SELECT name FROM queue_migrations"
+_APPLIED = "SELECT name FROM queue_migrations"
 _HAS_RECORD = "SELECT to_regclass('queue_migrations') IS NOT NULL"
 _RECORD = "INSERT INTO queue_migrations (name) VALUES (%s) ON CONFLICT DO NOTHING"
 _COMMENT = "COMMENT ON TABLE procrastinate_jobs IS {}"
-_READ_COMMENT = "SELECT obj_description('procrastinate_jobs'::regclass)"
-
-_BEFORE_THE_FIRST = "03"
-"""No release of the project had a queue older than its version 3: what is older is in every database."""
-
-_HAS_FUNCTION = "EXISTS (SELECT FROM pg_proc WHERE proname = 'procrastinate_{}')"
-_SAYS = "EXISTS (SELECT FROM pg_proc WHERE proname = 'procrastinate_{}' AND prosrc LIKE '%{}%')"
-_WORKERS = "to_regclass('procrastinate_workers') IS NOT NULL"
-_TO_DEFER = "to_regtype('procrastinate_job_to_defer_v1') IS NOT NULL"
-
-_SIGNS = {
-    "03.00.00_01_pre_cancel_notification.sql": "EXISTS (SELECT FROM pg_attribute WHERE attname = 'abort_requested'"
-    " AND attrelid = 'procrastinate_jobs'::regclass)",
-    "03.00.00_50_post_cancel_notification.sql": "EXISTS (SELECT FROM pg_trigger"
-    " WHERE tgname = 'procrastinate_jobs_notify_queue_job_inserted_v1')",
-    "03.01.00_01_pre_add_heartbeat.sql": _WORKERS,
-    "03.01.00_50_post_add_heartbeat.sql": f"{_WORKERS} AND NOT {_HAS_FUNCTION.format('fetch_job_v1')}",
-    "03.02.00_01_pre_batch_defer_jobs.sql": _TO_DEFER,
-    "03.02.00_50_post_batch_defer_jobs.sql": f"{_TO_DEFER} AND NOT {_HAS_FUNCTION.format('defer_job_v1')}",
-    "03.03.00_01_pre_priority_lock_fetch_job.sql": _SAYS.format("fetch_job_v2", "other_jobs"),
-    "03.04.00_01_pre_add_retry_failed_job_procedure.sql": _HAS_FUNCTION.format("retry_job_v2"),
-    "03.04.00_50_post_add_retry_failed_job_procedure.sql": _SAYS.format(
-        "trigger_function_status_events_update_v1", "retried"
-    ),
-}
-"""By what a database from before the files were noted shows that one was applied."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +49,7 @@ def schema_state(session: Session | Connection) -> SchemaState:
         return SchemaState(None, None, ())
     revision = session.execute(_REVISION).scalar()
     oldest = session.execute(_OLDEST_PROGRAM).scalar() if _has(session, "schema_support") else None
-    applied = set(session.execute(_APPLIED).scalars()) if _has(session, "queue_migrations") else None
+    applied = set(session.execute(text(_APPLIED)).scalars()) if _has(session, "queue_migrations") else None
     waits = () if applied is None else tuple(n for n in queue_files() if n not in applied and not _later(n))
     return SchemaState(None if revision is None else str(revision), oldest, waits)
 
@@ -94,24 +65,9 @@ def queue_files() -> list[str]:
     return sorted(path.name for path in Path(SchemaManager.get_migrations_path()).glob("*.sql"))
 
 
-def install_queue(connection: psycopg.Connection[Any]) -> None:
-    """Give a new database the installed queue's schema, with a note of how far that is."""
-    # The driver's own execute: SQLAlchemy's would take a per cent sign in the script for a parameter.
-    connection.execute(SchemaManager.get_schema())
-    comment_on_queue(connection, queue_files()[-1])
-
-
 def comment_on_queue(connection: psycopg.Connection[Any], last: str) -> None:
     """Say at the queue's table, while there is no record, up to which file its schema goes."""
     connection.execute(psycopg.sql.SQL(_COMMENT).format(psycopg.sql.Literal(last)))
-
-
-def adopt_queue(connection: psycopg.Connection[Any]) -> None:
-    """Begin the record of files with those that the database shows to have."""
-    (last,) = connection.execute(_READ_COMMENT).fetchone() or (None,)
-    for name in queue_files():
-        if name < _BEFORE_THE_FIRST or (name <= last if last else _shows(connection, name)):
-            connection.execute(_RECORD, (name,))
 
 
 def bring_queue_up(url: str, *, finish: bool) -> list[str]:
@@ -122,7 +78,7 @@ def bring_queue_up(url: str, *, finish: bool) -> list[str]:
     with psycopg.connect(libpq_url(url), autocommit=True) as connection:
         if not (connection.execute(_HAS_RECORD).fetchone() or (False,))[0]:
             return []
-        applied = {name for (name,) in connection.execute(_APPLIED_DIRECTLY)}
+        applied = {name for (name,) in connection.execute(_APPLIED)}
         missing = [name for name in queue_files() if name not in applied and (finish or not _later(name))]
         for name in missing:
             with connection.transaction():
@@ -135,13 +91,6 @@ def bring_queue_up(url: str, *, finish: bool) -> list[str]:
 def _later(name: str) -> bool:
     """Whether the file is to be applied when no older program runs any more."""
     return "_post_" in name
-
-
-def _shows(connection: psycopg.Connection[Any], name: str) -> bool:
-    sign = _SIGNS.get(name)
-    if sign is None:
-        return False
-    return bool((connection.execute(f"SELECT {sign}".encode()).fetchone() or (False,))[0])
 
 
 def _has(session: Session | Connection, table: str) -> bool:

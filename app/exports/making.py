@@ -26,7 +26,7 @@ from app.exports.format import Format, NoOptions, Stated, statements
 from app.exports.formats import FORMATS
 from app.exports.source import OnProgress, Query, Source, parts_of
 from app.map import segment
-from app.roads.store import find_region, known_region, region_names
+from app.roads.store import all_regions, known_region
 from app.terrain.coverage import rasters_over
 from app.terrain.store import current_dem
 from fusion.errors import BadOptionsError, FusionError
@@ -68,7 +68,6 @@ def provenance(session: Session, place: FilePlace, state: State, request: Reques
     active = current_dem(session, place)
     boxes: Sequence[Bounds | None] = [None] if request.bbox is None else parts_of(request.bbox)
     over = {name for box in boxes for name in rasters_over(session, active, bbox=box, driven=request.driven)}
-    regions = [region for name in region_names(session) if (region := find_region(session, name))]
     return {
         "generator": f"Versant {code_version()}",
         "data_version": state.version,
@@ -92,7 +91,7 @@ def provenance(session: Session, place: FilePlace, state: State, request: Reques
                 "sha256": one.sha256,
                 "imported_at": utc_text(one.imported_at),
             }
-            for one in regions
+            for one in all_regions(session)
         ],
         "elevation": None
         if active is None

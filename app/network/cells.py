@@ -51,12 +51,6 @@ _TAKE = text(
     "SELECT id, version FROM cells WHERE id = ANY(CAST(:ids AS integer[])) ORDER BY id FOR UPDATE SKIP LOCKED"
 )
 
-# Locked in the same order.
-_RAISE_VERSIONS = text("""
-    INSERT INTO cells AS c (id, version) SELECT unnest(CAST(:ids AS integer[])), 1 ORDER BY 1
-    ON CONFLICT (id) DO UPDATE SET version = c.version + 1, changed_at = clock_timestamp()
-""")
-
 _SUM_DRIVEN = text("""
     WITH by_class AS (
         SELECT s.cell, s.highway, count(*) AS n, sum(s.length_m) AS m
@@ -116,7 +110,7 @@ def lock_cells(session: Session, cells: Collection[int]) -> dict[int, int]:
 def raise_versions(session: Session, cells: Collection[int]) -> None:
     """Note that what is shown of these cells has changed, and count again what is driven there."""
     if cells:
-        session.execute(_RAISE_VERSIONS, {"ids": sorted(cells)})
+        raise_roads(session, 0, shown=cells, met=(), courses=())
         count_driven(session, cells)
 
 

@@ -13,7 +13,7 @@ What is subtracted is computed as it was when it was added. Whoever changes that
 from __future__ import annotations
 
 import uuid
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -89,13 +89,17 @@ CondensedRow = tuple[Any, ...]
 """Of a pass: segment, sequence, the weight with which it was condensed (None: it is recent), and the factor's bytes."""
 
 
-class OldPass(NamedTuple):
-    """A pass that is to be condensed: the id of its row, its drive and factor, and its weight in the last solution."""
+class StoredPass(NamedTuple):
+    """A pass: the id of its row (None: it is not stored), its drive, whether it is accepted, and its factor.
 
-    id: int
+    ``weight``: of one that is to be condensed, in the last solution.
+    """
+
+    id: int | None
     drive_id: uuid.UUID
+    accepted: bool
     factor: PassFactor
-    weight: float
+    weight: float = 1.0
 
 
 def condensed_over(
@@ -118,7 +122,10 @@ def condensed_of_drive(
     if not weighted:
         return {}
     factors = PassFactor.decode_all([row[:3] for row in weighted])
-    passes = [OldPass(0, drive_id, factor, row[3]) for factor, row in zip(factors, weighted, strict=True)]
+    passes = [
+        StoredPass(None, drive_id, True, factor, row[3])
+        for factor, row in zip(factors, weighted, strict=True)
+    ]
     return {segment: one for (segment, _), one in condensed_by_drive(session, passes).items()}
 
 
@@ -160,19 +167,20 @@ def subtract_condensed(session: Session, contributions: Mapping[int, CondensedPa
     append_condensed(session, {k: one for k, one in sums.items() if one.passes != 0 or k in locked})
 
 
-def passes_to_condense(passes: Sequence[OldPass]) -> list[OldPass]:
+def oldest(over: Mapping[int, Sequence[StoredPass]]) -> list[StoredPass]:
+    """Of the passes over each segment those that are to be condensed now, at most some more than ``MOST_CONDENSED``."""
+    old = (p for segment in sorted(over) for p in passes_to_condense(over[segment]))
+    return next(portions(old, MOST_CONDENSED), [])
+
+
+def passes_to_condense(passes: Sequence[StoredPass]) -> list[StoredPass]:
     """Of the passes over one segment those to be condensed, the oldest first; none below twice ``RECENT_PASSES``.
 
     All passes of a drive are condensed together. The newest drive stays, however often it passed.
     """
     if len(passes) <= 2 * RECENT_PASSES:
         return []
-    drives: dict[uuid.UUID, list[OldPass]] = {}
-    for one in passes:
-        drives.setdefault(one.drive_id, []).append(one)
-    newest_first = sorted(
-        drives.values(), key=lambda laps: (max(p.factor.first_time_s for p in laps), laps[0].drive_id)
-    )[::-1]
+    newest_first = by_drive(passes, max)[::-1]
     stay, count = 1, len(newest_first[0])
     while stay < len(newest_first) and count + len(newest_first[stay]) <= RECENT_PASSES:
         count += len(newest_first[stay])
@@ -180,9 +188,24 @@ def passes_to_condense(passes: Sequence[OldPass]) -> list[OldPass]:
     return [p for laps in newest_first[stay:][::-1] for p in laps]
 
 
-def portions(old: Iterable[OldPass], size: int) -> Iterator[list[OldPass]]:
+def by_drive(
+    passes: Iterable[StoredPass], moment: Callable[[Iterator[float]], float] = min
+) -> list[list[StoredPass]]:
+    """The passes of each drive, drives in the order in which they were driven: by that moment of the passes of each.
+
+    In the order of their uploads the sums over them would differ in the last digits.
+    """
+    drives: dict[uuid.UUID, list[StoredPass]] = {}
+    for one in passes:
+        drives.setdefault(one.drive_id, []).append(one)
+    return sorted(
+        drives.values(), key=lambda laps: (moment(p.factor.first_time_s for p in laps), laps[0].drive_id)
+    )
+
+
+def portions(old: Iterable[StoredPass], size: int) -> Iterator[list[StoredPass]]:
     """Old passes, segment by segment and drive by drive, in portions of ``size`` and the rest of the last drive's."""
-    portion: list[OldPass] = []
+    portion: list[StoredPass] = []
     for _, laps in groupby(old, key=lambda p: (p.factor.segment, p.drive_id)):
         portion += laps
         if len(portion) >= size:
@@ -193,24 +216,29 @@ def portions(old: Iterable[OldPass], size: int) -> Iterator[list[OldPass]]:
 
 
 def condensed_by_drive(
-    session: Session, old: Sequence[OldPass]
+    session: Session, old: Sequence[StoredPass]
 ) -> dict[tuple[int, uuid.UUID], CondensedPasses]:
     """The contribution of each drive to each segment, by (segment, drive). It takes its time; nothing is written."""
-    over: dict[tuple[int, uuid.UUID], list[OldPass]] = {}
+    over: dict[tuple[int, uuid.UUID], list[StoredPass]] = {}
     for one in old:
         over.setdefault((one.factor.segment, one.drive_id), []).append(one)
     constants = drive_constants(session, {drive for _, drive in over})
-    lengths = _lengths(session, {segment for segment, _ in over})
-    return {
-        (segment, drive): _condensed(passes, constants[drive], lengths[segment])
-        for (segment, drive), passes in over.items()
-        if drive in constants and segment in lengths
-    }
+    rows = session.execute(_LENGTHS, {"ids": sorted({segment for segment, _ in over})})
+    knots_m = {row.id: float(knot_length(row.length_m)) for row in rows}
+    made = {}
+    for (segment, drive), passes in over.items():
+        if drive in constants and segment in knots_m:
+            ordered = sorted(passes, key=lambda p: p.factor.sequence)
+            factors, weights = [p.factor for p in ordered], [p.weight for p in ordered]
+            made[segment, drive] = CondensedPasses.of_drive(
+                factors, weights, *constants[drive], knots_m[segment]
+            )
+    return made
 
 
 def condense(
     session: Session,
-    old: Sequence[OldPass],
+    old: Sequence[StoredPass],
     contributions: Mapping[tuple[int, uuid.UUID], CondensedPasses],
     partitions: Sequence[int],
 ) -> None:
@@ -246,15 +274,6 @@ def _add(sums: dict[int, CondensedPasses], segment: int, one: CondensedPasses) -
     sums[segment] = sums[segment] + one if segment in sums else one
 
 
-def _condensed(
-    passes: Sequence[OldPass], constants: tuple[ConstantsInformation, int], length_m: float
-) -> CondensedPasses:
-    ordered = sorted(passes, key=lambda p: p.factor.sequence)
-    return CondensedPasses.of_drive(
-        [p.factor for p in ordered], [p.weight for p in ordered], *constants, length_m
-    )
-
-
 def drive_constants(
     session: Session, drive_ids: Collection[uuid.UUID]
 ) -> dict[uuid.UUID, tuple[ConstantsInformation, int]]:
@@ -263,7 +282,18 @@ def drive_constants(
     return {drive: (ConstantsInformation.decode(data), count) for drive, data, count in rows}
 
 
-def _lengths(session: Session, segment_ids: Collection[int]) -> dict[int, float]:
-    """The lengths of segments that their knots assume, m."""
-    rows = session.execute(_LENGTHS, {"ids": sorted(segment_ids)})
-    return {row.id: float(knot_length(row.length_m)) for row in rows}
+def constants_outside(
+    session: Session, drives: Sequence[Sequence[StoredPass]]
+) -> dict[int, ConstantsInformation]:
+    """What passes of the drives outside of these say of their constants, by place in ``drives``: all less these.
+
+    A condensed pass, here or elsewhere, counts as outside: it says as little of the constants as any pass does over a
+    road of which next to nothing is known, and less than it would say among the others.
+    """
+    stored = drive_constants(session, {passes[0].drive_id for passes in drives})
+    outside = {}
+    for k, passes in enumerate(drives):
+        constants, count = stored.get(passes[0].drive_id, (ConstantsInformation.nothing(), 0))
+        if count > len(passes):
+            outside[k] = constants - ConstantsInformation.of_passes([p.factor for p in passes])
+    return outside

@@ -95,10 +95,8 @@ class CellClaims:
 
     def take(self, cell: int) -> bool:
         """Claim a cell; whether this solver has it now."""
-        if (
-            cell not in self.cells
-            and self._session.execute(_TRY_CELL, {"key": _CELLS, "cell": cell}).scalar_one()
-        ):
+        values = {"key": _CELLS, "cell": cell}
+        if cell not in self.cells and self._session.execute(_TRY_CELL, values).scalar_one():
             self.cells.add(cell)
         return cell in self.cells
 

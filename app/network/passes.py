@@ -7,21 +7,14 @@ Passes are the evidence; slopes are computed from them (``solve``). Those of dup
 from __future__ import annotations
 
 import uuid
-from collections.abc import Collection, Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from app.network.condensed import (
-    OF_DRIVE,
-    condensed_of_drive,
-    drive_constants,
-    of_drive,
-    subtract_condensed,
-)
+from app.network.condensed import OF_DRIVE, StoredPass, condensed_of_drive, of_drive, subtract_condensed
 from fusion.network.condensed import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
@@ -86,15 +79,6 @@ _ACCEPT = text("""
 _ENTRY_SECONDS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_ITS}")  # noqa: S608 - constants
 
 
-class StoredPass(NamedTuple):
-    """A pass: the id of its row (None: it is not stored), its drive, whether it is accepted, and its factor."""
-
-    id: int | None
-    drive_id: uuid.UUID
-    accepted: bool
-    factor: PassFactor
-
-
 def replace_passes(
     session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor], epoch_s: Floats
 ) -> set[int]:
@@ -155,36 +139,6 @@ def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPa
         StoredPass(pass_id, drive_id, accepted, factor)
         for (pass_id, drive_id, accepted, *_), factor in zip(rows, factors, strict=True)
     ]
-
-
-def constants_outside(
-    session: Session, drives: Sequence[Sequence[StoredPass]]
-) -> dict[int, ConstantsInformation]:
-    """What passes of the drives outside of these say of their constants, by place in ``drives``: all less these.
-
-    A condensed pass, here or elsewhere, counts as outside: it says as little of the constants as any pass does over a
-    road of which next to nothing is known, and less than it would say among the others.
-    """
-    stored = drive_constants(session, {passes[0].drive_id for passes in drives})
-    outside = {}
-    for k, passes in enumerate(drives):
-        constants, count = stored.get(passes[0].drive_id, (ConstantsInformation.nothing(), 0))
-        if count > len(passes):
-            outside[k] = constants - ConstantsInformation.of_passes([p.factor for p in passes])
-    return outside
-
-
-def by_drive(passes: Iterable[StoredPass]) -> list[list[StoredPass]]:
-    """The passes of each drive, drives in the order in which they were driven.
-
-    In the order of their uploads the sums over them would differ in the last digits.
-    """
-    drives: dict[uuid.UUID, list[StoredPass]] = {}
-    for one in passes:
-        drives.setdefault(one.drive_id, []).append(one)
-    return sorted(
-        drives.values(), key=lambda laps: (min(p.factor.first_time_s for p in laps), laps[0].drive_id)
-    )
 
 
 def set_accepted(session: Session, accepted: Sequence[StoredPass], rejected: Sequence[StoredPass]) -> None:

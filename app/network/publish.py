@@ -69,19 +69,13 @@ def write_slopes(
     inside, and an older one outside until its roads are solved again. They differ by what subnetworks leave, which is
     more for heights, which come from far away, than for slopes. ``settle_network`` leaves such edges between cells.
     """
-    values: dict[str, Any] = {name: _nullable(getattr(result, name)[rows]) for name in NETWORK_ONLY}
-    start, end = _node_heights(session, segment_ids, result, rows, tolerance_sigmas)
-    values |= {
-        "height_from_m": _nullable(start),
-        "height_to_m": _nullable(end),
-        "segment_id": np.array(segment_ids, np.int64),
-        "drives": np.array(drives, np.int64),
-        "slope_percent": result.slope_percent[rows],
-        "slope_sigma_percent": result.slope_sigma_percent[rows],
-        "observations": result.observations[rows],
-        "tolerance": tolerance_sigmas,
-    }
-    return list(session.execute(_WRITE, values).scalars())
+    of_result = ("slope_percent", "slope_sigma_percent", "observations", *NETWORK_ONLY)
+    columns = {name: getattr(result, name)[rows] for name in of_result}
+    ends = _node_heights(session, segment_ids, result, rows, tolerance_sigmas)
+    columns["height_from_m"], columns["height_to_m"] = ends
+    values: dict[str, Any] = {name: np.ma.masked_invalid(column) for name, column in columns.items()}
+    values |= {"segment_id": np.array(segment_ids, np.int64), "drives": np.array(drives, np.int64)}
+    return list(session.execute(_WRITE, {**values, "tolerance": tolerance_sigmas}).scalars())
 
 
 def _node_heights(
@@ -114,10 +108,6 @@ def _node_heights(
 def clear_slopes(session: Session, segment_ids: Sequence[int]) -> list[int]:
     """Forget the network's slopes of these segments; returns those that had one."""
     return list(session.execute(_CLEAR, {"ids": segment_ids}).scalars())
-
-
-def _nullable(values: Floats) -> Floats:
-    return np.ma.masked_invalid(values)
 
 
 # The network's own slope first, then each drive in order, so that the same parts always combine to the same
@@ -198,15 +188,12 @@ def _combine(session: Session, ids: Ints) -> list[int]:
     """The same for segments with estimates of slope-only drives, which always have something to publish."""
     if not len(ids):
         return []
-    columns: dict[str, list[Any]] = {name: [] for name in _NAMES}
-    for segment_id, group in groupby(
-        session.execute(_PARTS, {"ids": ids, "of_terrain": list(OF_TERRAIN)}), key=lambda row: row.segment_id
-    ):
-        combined = published_slope([_part(row) for row in group])
-        columns["segment_id"].append(segment_id)
-        for name in _NAMES[1:]:
-            columns[name].append(getattr(combined, name))
-    return list(session.execute(_WRITE_AGGREGATES, columns).scalars())
+    parts = groupby(
+        session.execute(_PARTS, {"ids": ids, "of_terrain": list(OF_TERRAIN)}), key=lambda row: row[0]
+    )
+    combined = {segment_id: published_slope([_part(row) for row in group]) for segment_id, group in parts}
+    columns = {name: [getattr(one, name) for one in combined.values()] for name in _NAMES[1:]}
+    return list(session.execute(_WRITE_AGGREGATES, {"segment_id": list(combined), **columns}).scalars())
 
 
 def left_over(session: Session) -> list[int]:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 import uuid
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -65,11 +65,6 @@ _SEGMENTS = text("""
     SELECT DISTINCT segment_id FROM drive_passes
     WHERE drive_id = ANY(CAST(:ids AS uuid[])) AND partition = ANY(CAST(:partitions AS smallint[]))
 """)
-
-
-def duplicates_of(session: Session, drive_id: uuid.UUID) -> set[uuid.UUID]:
-    """The drives that are marked as duplicates of this one."""
-    return set(session.execute(_DUPLICATES_OF, {"drive_id": drive_id}).scalars())
 
 
 def decide_duplicates(session: Session, drive_ids: Collection[uuid.UUID]) -> set[int]:
@@ -254,7 +249,8 @@ def _replace_evidence(
     """Replace the drive's passes; the segments around which this changes the evidence."""
     counted = session.execute(_COUNTS, {"drive_id": drive_id}).scalar_one()
     changed = replace_passes(session, drive_id, factors, epoch_s)
-    others = decide_duplicates(session, {drive_id, *duplicates_of(session, drive_id)})
+    duplicates = session.execute(_DUPLICATES_OF, {"drive_id": drive_id}).scalars()
+    others = decide_duplicates(session, {drive_id, *duplicates})
     counts = session.execute(_COUNTS, {"drive_id": drive_id}).scalar_one()
     return {*(changed if counted or counts else ()), *others}
 
@@ -280,14 +276,6 @@ def _insert_estimates(
     estimates: Sequence[SegmentSlope],
     in_network: bool,
 ) -> None:
-    columns = (
-        "slope_percent",
-        "slope_sigma_percent",
-        "observations",
-        "passes",
-        "first_time_s",
-        "last_time_s",
-    )
-    values = {name: np.array([getattr(e, name) for e in estimates]) for name in columns}
+    values = {f.name: np.array([getattr(e, f.name) for e in estimates]) for f in fields(SegmentSlope)}
     one = {"drive_id": drive_id, "provenance_id": provenance_id, "in_network": in_network}
     session.execute(_INSERT_ESTIMATES, {**one, **values, "segment_id": np.array(ids)})

@@ -18,15 +18,7 @@ from app.core.telemetry.measures import SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, take_unsettled, unsettle, unsettled, versions_of
 from app.network.locks import cell_claims
 from app.network.solve import settle_cell
-from app.network.swap import (
-    BusyError,
-    Proposal,
-    condense_old_passes,
-    log_solution,
-    shown_cells,
-    snapshot,
-    swap,
-)
+from app.network.swap import BusyError, Proposal, condense_old_passes, log_solution, snapshot, swap
 from fusion.types import Progress, no_progress
 
 _WAIT_S = 0.1
@@ -113,7 +105,7 @@ def _settle(sessions: Sessions, cell: int) -> None:
                 started_s = time.monotonic()
                 if claims.take(cell):
                     proposal = _propose(sessions, cell)
-                    if swap(sessions, proposal, 0.0, settled=True):
+                    if swap(sessions, proposal, settled=True):
                         log_solution("settled", proposal, 1, time.monotonic() - started_s, attempt + 1)
                         condense_old_passes(sessions, proposal)
                         return
@@ -132,11 +124,9 @@ def _propose(sessions: Sessions, cell: int) -> Proposal:
         published = set(session.execute(_PUBLISHED_OF_CELL, {"cell": cell}).scalars())
         ids = session.execute(_IN_NETWORK_OF_CELL, {"cell": cell}).scalars().all()
         if not ids:
-            versions = versions_of(session, cells_over(session, published))
-            return Proposal([], published, None, np.zeros(0, bool), versions)
+            return Proposal.of(session, [], published)
         solution = settle_cell(session, ids)
         around = solution.around
         others = np.unique(around.cell[around.driven | (around.drives >= 0)])
         shown = solution.subnetwork.published & ((around.cell == cell) | ~np.isin(around.cell, others))
-        versions = shown_cells(session, solution, shown, published)
-    return Proposal([], published, solution, shown, versions)
+        return Proposal.of(session, [], published, (solution, shown))

@@ -11,18 +11,16 @@ import uuid
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, fetch_binary
 from app.network.cells import partitions_around
-from app.network.condensed import MOST_CONDENSED, OldPass, condensed_over, passes_to_condense, portions
+from app.network.condensed import StoredPass, by_drive, condensed_over, constants_outside, oldest
 from app.network.extracts import roads_in
-from app.network.passes import StoredPass, by_drive, constants_outside, passes_over
+from app.network.passes import passes_over
 from fusion.frames import SHORTEST_DEGREE_M
 from fusion.network.adjust import adjust
 from fusion.network.condensed import CondensedPasses
@@ -53,6 +51,8 @@ KNOWN = """
     LEFT JOIN network_slopes AS n ON n.segment_id = s.id
     WHERE p.driven OR n.segment_id IS NOT NULL
 """
+_ROW = np.dtype([("id", "i8"), ("driven", "?"), ("drives", "i8"), ("slope", "f8"), ("sigma", "f8")])
+_UNKNOWN = np.array((0, False, -1, np.nan, np.nan), _ROW)
 
 _HEIGHTS = """
     SELECT id, dem_heights_m FROM segments WHERE id = ANY(%(ids)s::bigint[]) AND dem_heights_m IS NOT NULL
@@ -83,25 +83,10 @@ def surroundings(session: Session, touched: Collection[int], scale: float) -> Su
     roads = roads_in(session, boxes)
     row = np.argsort(roads.ids)
     rows = fetch_binary(session, KNOWN, {"ids": roads.ids, "partitions": partitions_around(roads.cell)})
-    ids, driven, drives, slope, sigma = zip(*rows, strict=True) if rows else ((),) * 5
-    at = row[np.searchsorted(roads.ids, np.array(ids, np.int64), sorter=row)]
-    n = len(roads.ids)
-    return Surroundings(
-        roads.table,
-        roads.ids,
-        roads.cell,
-        _spread(n, at, np.array(driven, bool), False),
-        _spread(n, at, np.array(drives, np.int64), -1),
-        _spread(n, at, np.array(slope, float), np.nan),
-        _spread(n, at, np.array(sigma, float), np.nan),
-    )
-
-
-def _spread(n: int, at: Ints, values: NDArray[Any], otherwise: float) -> NDArray[Any]:
-    """A vector (n,) with ``values`` where they are known."""
-    out = np.full(n, otherwise, values.dtype)
-    out[at] = values
-    return out
+    known = np.full(len(roads.ids), _UNKNOWN)
+    known[row[np.searchsorted(roads.ids, [one[0] for one in rows], sorter=row)]] = rows
+    columns = (known[name].copy() for name in ("driven", "drives", "slope", "sigma"))
+    return Surroundings(roads.table, roads.ids, roads.cell, *columns)
 
 
 def stored_terrain(session: Session, table: RoadTable, ids: Ints) -> Terrain | None:
@@ -126,8 +111,7 @@ _NEAR = text("""
 
 def control_near(session: Session, bounds_deg: Bounds) -> list[ControlPoint]:
     """The stored points in a box (degrees), in the same order however they came."""
-    west, south, east, north = bounds_deg
-    box = {"west": west, "south": south, "east": east, "north": north}
+    box = dict(zip(("west", "south", "east", "north"), bounds_deg, strict=True))
     return [ControlPoint(*row) for row in session.execute(_NEAR, box)]
 
 
@@ -199,20 +183,19 @@ class Solution:
             count[segment] += one.drives * (self.result is not None and self.result.accepted[k, 0])
         return count
 
-    def old_passes(self, shown: Bools) -> list[OldPass]:
+    def old_passes(self, shown: Bools) -> list[StoredPass]:
         """The passes over ``shown`` rows that are to be condensed, with the weight of each in this solution."""
         if self.result is None:
             return []
         mine = set(self.around.ids[shown & self.subnetwork.solved].tolist())
-        weight, over = self.result.weight, dict[int, list[OldPass]]()
+        weight, over = self.result.weight, dict[int, list[StoredPass]]()
         for k, laps in enumerate(self.drives):
             for p in laps:
                 name = (k, p.factor.sequence)
                 if p.id is not None and p.factor.segment in mine:
                     counted = weight[name] if self.result.accepted[name] else 0.0
-                    over.setdefault(p.factor.segment, []).append(OldPass(p.id, p.drive_id, p.factor, counted))
-        old = (p for segment in sorted(over) for p in passes_to_condense(over[segment]))
-        return next(portions(old, MOST_CONDENSED), [])
+                    over.setdefault(p.factor.segment, []).append(p._replace(weight=counted))
+        return oldest(over)
 
 
 def solve_around(session: Session, touched: Collection[int]) -> tuple[Solution, Bools]:

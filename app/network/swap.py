@@ -11,7 +11,7 @@ import random
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from sqlalchemy import text
@@ -68,8 +68,22 @@ class Proposal:
     combined: set[int]
     solution: Solution | None
     shown: Bools
-    versions: dict[int, int] = field(default_factory=dict)
+    versions: dict[int, int]
     """Of all cells in which anything of it is shown. Imports raise those in which they change a road, too."""
+
+    @classmethod
+    def of(
+        cls,
+        session: Session,
+        marks: list[int],
+        combined: set[int],
+        solved: tuple[Solution, Bools] | None = None,
+    ) -> Proposal:
+        """``solved``: a solution and which of its rows are shown. Looks up the cells of these and of ``combined``."""
+        solution, shown = solved or (None, np.zeros(0, bool))
+        ids = solution.around.ids[shown].tolist() if solution else []
+        versions = versions_of(session, cells_over(session, {*ids, *combined}))
+        return cls(marks, combined, solution, shown, versions)
 
 
 def solve_marked(
@@ -123,18 +137,9 @@ def log_solution(kind: str, proposal: Proposal, cells: int, took_s: float, tries
     SOLVE_S.observe(took_s, kind)
     CELLS_SOLVED.count(kind, by=cells)
     SQUARES_SOLVED.count(kind, by=cells)
-    segments = 0 if proposal.solution is None else int(proposal.shown.sum())
+    counts = {"cells": cells, "segments": int(proposal.shown.sum())}
     marks = len(proposal.marks) or None
-    tell(
-        logger,
-        "cells solved",
-        kind=kind,
-        cells=cells,
-        segments=segments,
-        marks=marks,
-        tries=tries,
-        seconds=took_s,
-    )
+    tell(logger, "cells solved", kind=kind, **counts, marks=marks, tries=tries, seconds=took_s)
 
 
 def _await_network(sessions: Sessions) -> None:
@@ -173,24 +178,11 @@ def solve_all_marked(sessions: Sessions, progress: Progress = no_progress) -> No
             time.sleep(_PAUSE_S)
 
 
-def shown_cells(
-    session: Session, solution: Solution, shown: Bools, combined: Collection[int]
-) -> dict[int, int]:
-    """The cells in which rows that are ``shown`` and combined segments lie, and their versions."""
-    return versions_of(session, cells_over(session, {*solution.around.ids[shown].tolist(), *combined}))
-
-
-def swap(
-    sessions: Sessions,
-    proposal: Proposal,
-    tolerance_sigmas: float = TOLERANCE_SIGMAS,
-    *,
-    settled: bool = False,
-) -> bool:
+def swap(sessions: Sessions, proposal: Proposal, *, settled: bool = False) -> bool:
     """Write a proposal in one short transaction; False: it is out of date, or others write there just now.
 
     Cells in which anything shown changes get a new version and, unless this is ``settled``, wait to be settled, with
-    those around them.
+    those around them. What is settled is written to the last digit.
     """
     try:
         with sessions.begin() as session:
@@ -199,7 +191,7 @@ def swap(
                 return False
             if lock_cells(session, proposal.versions) != proposal.versions:
                 return False
-            solved = _write(session, proposal, tolerance_sigmas)
+            solved = _write(session, proposal, 0.0 if settled else TOLERANCE_SIGMAS)
             changed = refresh_aggregates(session, [*solved, *proposal.combined])
             cells = cells_over(session, changed) if changed else []
             raise_versions(session, cells)
@@ -257,12 +249,8 @@ def _claim(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[in
 
 
 def _propose(session: Session, marked: Marked) -> Proposal:
-    if not marked.touched:
-        versions = versions_of(session, cells_over(session, marked.combined))
-        return Proposal(marked.marks, marked.combined, None, np.zeros(0, bool), versions)
-    solution, shown = solve_around(session, marked.touched)
-    versions = shown_cells(session, solution, shown, marked.combined)
-    return Proposal(marked.marks, marked.combined, solution, shown, versions)
+    solved = solve_around(session, marked.touched) if marked.touched else None
+    return Proposal.of(session, marked.marks, marked.combined, solved)
 
 
 def _write(session: Session, proposal: Proposal, tolerance_sigmas: float) -> list[int]:

@@ -13,7 +13,7 @@ from app.core.db import Bounds
 from app.core.http import BaseUrl, Link, ServiceDep, link, problems
 from app.core.text import Moment
 from app.map import figures
-from app.roads.store import driven_by_region, region_standings
+from app.roads.store import all_regions, driven_by_region
 from app.terrain.store import current_dem, rasters_came
 
 FEW_SEGMENTS = 200_000
@@ -93,15 +93,15 @@ class RasterList(BaseModel, json_schema_extra={"examples": [_RASTERS]}):
 def list_regions(service: ServiceDep, base: BaseUrl) -> RegionList:
     """The regions by name: what each was imported from, how many segments it has, and where it lies."""
     with service.reading() as session:
-        standings = region_standings(session)
-        measured, at = _measured(session, sum(one.segments for one in standings))
-    regions = [
+        regions = all_regions(session)
+        measured, at = _measured(session, sum(one.segments for one in regions))
+    seen = [
         RegionSeen.model_validate({**vars(one), "measured": measured.get(one.name, 0), "bbox": one.bounds})
-        for one in standings
+        for one in regions
     ]
     here = f"{base}/v1/regions"
     return RegionList(
-        regions=regions,
+        regions=seen,
         measured_at=at,
         links=[link(here, "self"), link(f"{base}/v1/admin/coverage", "related", title="By road class")],
     )

@@ -62,30 +62,6 @@ def metrics(request: Request) -> Response:
     return Response(exposition, headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 
-class Metrics:
-    """One application's registry; two applications in a process do not meet in it."""
-
-    def __init__(self, read_gauges: Callable[[], Gauges | None]) -> None:
-        """``read_gauges`` is called at each scrape and returns None while the database does not answer."""
-        self.registry = CollectorRegistry()
-        requests, seconds = "versant_http_requests_total", "versant_http_request_duration_seconds"
-        self._requests = Counter(requests, "Requests answered.", LABELS[requests], registry=self.registry)
-        self._seconds = Histogram(
-            seconds,
-            "Time from a request to the last byte of its answer.",
-            LABELS[seconds],
-            buckets=BUCKETS_S,
-            registry=self.registry,
-        )
-        self.registry.register(_DatabaseCollector(read_gauges))
-
-    def observe(self, method: str, route: str, status: int, seconds: float) -> None:
-        """Count one request."""
-        verb = method if method in METHODS else "other"  # anyone can invent methods, and each is a series
-        self._requests.labels(verb, route, str(status)).inc()
-        self._seconds.labels(verb, route).observe(seconds)
-
-
 @dataclass(frozen=True)
 class Gauges:
     """Figures of one moment."""
@@ -116,17 +92,33 @@ def read_gauges(session: Session) -> Gauges:
     )
 
 
-class _DatabaseCollector(Collector):
-    def __init__(self, read_gauges: Callable[[], Gauges | None]) -> None:
-        self._read = read_gauges
+class Metrics(Collector):
+    """One application's registry; two applications in a process do not meet in it."""
 
-    def describe(self) -> list[families.Metric]:
-        """Nothing: the registry would otherwise read the database at registration."""
-        return []
+    def __init__(self, read_gauges: Callable[[], Gauges | None]) -> None:
+        """``read_gauges`` is called at each scrape and returns None while the database does not answer."""
+        self.registry = CollectorRegistry()
+        requests, seconds = "versant_http_requests_total", "versant_http_request_duration_seconds"
+        self._requests = Counter(requests, "Requests answered.", LABELS[requests], registry=self.registry)
+        self._seconds = Histogram(
+            seconds,
+            "Time from a request to the last byte of its answer.",
+            LABELS[seconds],
+            buckets=BUCKETS_S,
+            registry=self.registry,
+        )
+        self._read_gauges = read_gauges
+        self.registry.register(self)
+
+    def observe(self, method: str, route: str, status: int, seconds: float) -> None:
+        """Count one request."""
+        verb = method if method in METHODS else "other"  # anyone can invent methods, and each is a series
+        self._requests.labels(verb, route, str(status)).inc()
+        self._seconds.labels(verb, route).observe(seconds)
 
     def collect(self) -> Iterator[families.Metric]:
         """The figures of this moment; only ``versant_database_up 0`` while there is no database."""
-        gauges = self._read()
+        gauges = self._read_gauges()
         yield families.GaugeMetricFamily(
             "versant_database_up", "1 while the database answers.", value=float(gauges is not None)
         )

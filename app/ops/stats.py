@@ -179,7 +179,7 @@ def read_stats(session: Session, *, days: int = 30) -> Stats:
         driven_km_by_highway=store.driven_km_by_highway(session),
         segments_driven=store.segments_driven(session),
         data_version=data_version(session),
-        road_version=roads and RoadVersion(**vars(roads)),
+        road_version=roads and RoadVersion(**roads._mapping),
         **store.totals(session)._mapping,
     )
 

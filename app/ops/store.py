@@ -21,43 +21,34 @@ _BY_STATUS = text(
 )
 
 # Days of the upload, UTC.
-_BY_DAY = text(
-    """
+_BY_DAY = text("""
     SELECT day, status, sum(drives) AS drives FROM drive_counts
     WHERE day >= CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
     GROUP BY day, status HAVING sum(drives) > 0 ORDER BY day, status
-    """
-)
+""")
 
-_FAILURES = text(
-    """
+_FAILURES = text("""
     SELECT failure_kind, sum(drives) FROM drive_counts WHERE status = 'failed'
     GROUP BY failure_kind HAVING sum(drives) > 0 ORDER BY 2 DESC, 1
-    """
-)
+""")
 
 # The oldest is the first entry of the index on queued_at.
-_QUEUE = text(
-    """
+_QUEUE = text("""
     SELECT (SELECT coalesce(sum(drives), 0) FROM drive_counts WHERE status = 'queued'),
            extract(epoch FROM clock_timestamp() - (SELECT min(queued_at) FROM drives WHERE status = 'queued'))
-    """
-)
+""")
 
 # Each cell keeps its own sums.
 _SEGMENTS_DRIVEN = text(
     "SELECT coalesce(sum(CAST(of_class.value ->> 0 AS bigint)), 0) FROM cells, jsonb_each(driven) AS of_class"
 )
-_DRIVEN_KM = text(
-    """
+_DRIVEN_KM = text("""
     SELECT of_class.key, sum(CAST(of_class.value ->> 1 AS float8)) / 1000
     FROM cells, jsonb_each(driven) AS of_class GROUP BY of_class.key ORDER BY 2 DESC
-    """
-)
+""")
 
 # The roads are as the last import left them. Code from before it noted their length may still have made it.
-_TOTALS = text(
-    """
+_TOTALS = text("""
     SELECT coalesce(roads.segments, 0) AS segments,
            coalesce(roads.length_m, (SELECT sum(length_m) FROM segments), 0) / 1000 AS network_km,
            counted.drives, counted.driven_distance_km, counted.uploaded_bytes,
@@ -66,39 +57,32 @@ _TOTALS = text(
                  greatest(coalesce(sum(distance_m), 0), 0) / 1000 AS driven_distance_km,
                  coalesce(sum(size_bytes), 0) AS uploaded_bytes FROM drive_counts) AS counted
         LEFT JOIN (SELECT segments, length_m FROM road_versions ORDER BY id DESC LIMIT 1) AS roads ON true
-    """
-)
+""")
 
 
 # Cells that solvers have failed to solve, the longest waiting first. A mark may outlive its drive.
-_UNSOLVED = text(
-    """
+_UNSOLVED = text("""
     SELECT m.cell, max(m.tries) AS solvers, min(m.made_at) AS since, max(m.due_at) AS next_at,
            coalesce(array_agg(DISTINCT d.id) FILTER (WHERE d.id IS NOT NULL), '{}') AS drives
     FROM network_marks AS m LEFT JOIN drives AS d ON d.id = m.drive_id AND d.generation = m.generation
     WHERE m.tries > :patience
     GROUP BY m.cell ORDER BY since, m.cell LIMIT :limit
-    """
-)
-_CELLS = text(
-    """
+""")
+_CELLS = text("""
     SELECT count(DISTINCT cell), count(DISTINCT cell) FILTER (WHERE tries > :patience) FROM network_marks
-    """
-)
+""")
 
 
 # What ways and low zooms have not followed yet, changes beside which a transaction is open included: two looks at the
 # ends of indexes.
-_BEHIND = text(
-    """
+_BEHIND = text("""
     SELECT (SELECT count(*) FROM cells_to_draw) AS cells,
            extract(epoch FROM clock_timestamp() - least(
                (SELECT min(since) FROM cells_to_draw),
                (SELECT (SELECT c.changed_at FROM segment_changes AS c
                         WHERE (c.xid, c.segment_id) > (u.xid, u.segment_id)
                         ORDER BY c.xid, c.segment_id LIMIT 1) FROM derived_upto AS u))) AS behind_s
-    """
-)
+""")
 
 # The queue's own signs of life; a worker that has given none for long is put out by the next one that begins.
 _WORKERS = text(

@@ -19,7 +19,7 @@ from app.network.cells import WIDE, beside, cells_met, cells_over, count_driven,
 from app.network.marks import append_marks
 from app.network.passes import partitions_of
 from app.roads.comparing import AGAIN
-from app.roads.retired import Return, put_passes, restore, retire
+from app.roads.retired import DELETE_OF, Return, put_passes, restore, retire
 from fusion.network.transfer import Carrying
 
 _GEOMETRY = """
@@ -85,10 +85,7 @@ _TAKE_PASSES = """
     RETURNING drive_id, segment_id, sequence, entered_s, factor
 """
 # Condensed and rejected passes of a road that moved are derived again from its passes.
-_FORGET_DERIVED = tuple(
-    text(f"DELETE FROM {table} WHERE segment_id = ANY(CAST(:ids AS bigint[]))")  # noqa: S608 - constants
-    for table in ("condensed_passes", "rejected_passes")
-)
+_FORGET_DERIVED = [text(DELETE_OF.format(table)) for table in ("condensed_passes", "rejected_passes")]
 _TURN_ESTIMATES = text(
     "UPDATE drive_segments SET slope_percent = -slope_percent WHERE segment_id = ANY(CAST(:ids AS bigint[]))"
 )
@@ -153,7 +150,7 @@ def add(session: Session, step: Step, n: Sequence[int], back: Mapping[int, Seque
     """Add these rows of the file, and their retired evidence: ``back`` by row; the caller owns the network then."""
     rows = sorted(n)
     number = {one.n: one.segment_id for many in back.values() for one in many if one.segment_id is not None}
-    values = {"ids": [number.get(k) for k in rows], "n": rows, "version": step.version, "region": step.region}
+    values = {"ids": [number.get(k) for k in rows], "n": rows, **vars(step)}
     ids = list(session.execute(_ADD, values).scalars())
     combined = _restore(session, step, dict(zip(rows, ids, strict=True)), back)
     effects = _Effects()
@@ -177,9 +174,7 @@ def carry(session: Session, step: Step, ids: Sequence[int], n: Sequence[int], ba
     passes = fetch_binary(session, _TAKE_PASSES, {"ids": moved, "partitions": partitions})
     for statement in _FORGET_DERIVED:
         session.execute(statement, {"ids": moved})
-    session.execute(
-        _REPLACE, {"ids": list(ids), "n": list(n), "version": step.version, "region": step.region}
-    )
+    session.execute(_REPLACE, {"ids": list(ids), "n": list(n), **vars(step)})
     put_passes(session, [(*row,) for row in passes], [carried[row[1]] for row in passes])
     turned = [segment for segment, how in carried.items() if how.back]
     for statement in (_TURN_ESTIMATES, *_TURN):
@@ -199,9 +194,7 @@ def move_away(
     effects.add(session, ids)
     touch(session, step.state, ids, ())
     retire(session, ids)
-    session.execute(
-        _REPLACE, {"ids": list(ids), "n": list(n), "version": step.version, "region": step.region}
-    )
+    session.execute(_REPLACE, {"ids": list(ids), "n": list(n), **vars(step)})
     combined = _restore(session, step, dict(zip(n, ids, strict=True)), back)
     effects.add(session, ids)
     effects.note(session, step, courses=True, combined=combined)
@@ -240,10 +233,8 @@ def _restore(
     new = {row[0]: row[1:] for row in fetch_binary(session, _FILE, {"n": [one.n for one in returns]})}
     over = {}
     for one in returns:
-        over[one.retired_id] = (
-            id_of[one.n],
-            _carrying((*one.ends_deg, one.length_m), new[one.n], back=one.back),
-        )
+        carried = _carrying((*one.ends_deg, one.length_m), new[one.n], back=one.back)
+        over[one.retired_id] = (id_of[one.n], carried)
     touch(session, step.state, (), {drive for one in returns for drive in one.void})
     restore(session, returns, over)
     ids = sorted({segment for segment, _ in over.values()})

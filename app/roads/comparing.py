@@ -17,7 +17,7 @@ from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table
-from app.roads.retired import Return, returns_among
+from app.roads.retired import MEASURED, Return, returns_among
 from fusion.roads.changes import Change, RoadChanges, compare
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
@@ -56,20 +56,16 @@ _RENAMED = text(f"""
     ORDER BY s.cell, s.id
 """)  # noqa: S608 - constants
 
-_MEASURED = """
-    (EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = s.id)
-        OR EXISTS (SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell)))
-"""
 _LOST_BY_REGION = text(f"""
     SELECT r.name, r.id, count(s.id) AS lost, count(DISTINCT s.id)
     FROM segments AS s LEFT JOIN LATERAL unnest(s.regions) AS one (id) ON true LEFT JOIN regions AS r ON r.id = one.id
-    WHERE s.id = ANY(CAST(:ids AS bigint[])) AND {_MEASURED} GROUP BY r.name, r.id ORDER BY r.name
+    WHERE s.id = ANY(CAST(:ids AS bigint[])) AND {MEASURED} GROUP BY r.name, r.id ORDER BY r.name
 """)  # noqa: S608 - constants
 _LOST = text(
-    f"SELECT count(*) FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) AND {_MEASURED}"  # noqa: S608
+    f"SELECT count(*) FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) AND {MEASURED}"  # noqa: S608
 )
 _MEASURED_OF = text(
-    f"SELECT count(*) FROM segments AS s WHERE :region = ANY(s.regions) AND {_MEASURED}"  # noqa: S608
+    f"SELECT count(*) FROM segments AS s WHERE :region = ANY(s.regions) AND {MEASURED}"  # noqa: S608
 )
 
 _PASSES_ON = text("""

@@ -108,14 +108,8 @@ def _copy_tags(session: Session, table: RoadTable) -> NDArray[np.int32]:
     numbers: dict[tuple[str, str | None], int] = {}
     pairs = zip(table.highway.tolist(), table.name.tolist(), strict=True)
     codes = np.array([numbers.setdefault(pair, len(numbers)) for pair in pairs], np.int32)
-    session.execute(
-        _FILL_TAGS,
-        {
-            "tag": list(numbers.values()),
-            "highway": [highway for highway, _ in numbers],
-            "name": [name for _, name in numbers],
-        },
-    )
+    highways, names = [highway for highway, _ in numbers], [name for _, name in numbers]
+    session.execute(_FILL_TAGS, {"tag": list(numbers.values()), "highway": highways, "name": names})
     return codes
 
 

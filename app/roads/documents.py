@@ -94,26 +94,26 @@ def refuse(losses: Sequence[Loss]) -> None:
         )
 
 
+_CALLED = {
+    "moved": "moved within the tolerance",
+    "far": "moved farther",
+    "released": "left to other regions",
+}
+_ALWAYS = ("kept", "added", "dropped")
+
+
 def summary(counts: ImportCounts) -> str:
     """What an import does to the segments of its region."""
-    parts = {
-        "kept": counts.kept,
-        "moved within the tolerance": counts.moved,
-        "renumbered": counts.renumbered,
-        "reversed": counts.reversed,
-        "moved farther": counts.far,
-        "added": counts.added,
-    }
-    gone = {
-        "split": counts.split,
-        "merged": counts.merged,
-        "dropped": counts.dropped,
-        "left to other regions": counts.released,
-    }
-    lists = [", ".join(f"{n} {name}" for name, n in some.items() if n or name in ("kept", "added", "dropped"))
-            for some in (parts, gone)]  # fmt: skip
+    there = _listed(counts, ("kept", "moved", "renumbered", "reversed", "far", "added"))
+    gone = _listed(counts, ("split", "merged", "dropped", "released"))
     would = "would have" if counts.dry_run else "has"
-    return f"region {counts.region} {would} {counts.segments} segments ({lists[0]}; {lists[1]})"
+    return f"region {counts.region} {would} {counts.segments} segments ({there}; {gone})"
+
+
+def _listed(counts: ImportCounts, names: Sequence[str]) -> str:
+    """How many of each there are; those of which there are none only where that tells something."""
+    numbers = {name: getattr(counts, name) for name in names}
+    return ", ".join(f"{n} {_CALLED.get(name, name)}" for name, n in numbers.items() if n or name in _ALWAYS)
 
 
 def remarks(counts: ImportCounts) -> list[str]:

@@ -7,18 +7,17 @@ library's business.
 
 from __future__ import annotations
 
-import hashlib
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 from sqlalchemy.orm import Session
 
+from app.core import mirror
 from app.core.db import Sessions
 from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
@@ -33,12 +32,11 @@ from app.roads.documents import USUAL, ImportCounts, Source, Wishes, refuse
 from app.terrain.heights import terrain_under
 from app.terrain.store import current_dem, dem_version_id
 from fusion.errors import RoadsError
-from fusion.network.unknowns import knot_positions
 from fusion.roads.changes import Change
 from fusion.roads.osm import read_roads
 from fusion.roads.osm_changes import is_change_file
 from fusion.roads.table import RoadTable
-from fusion.types import Floats, Progress, no_progress
+from fusion.types import Progress, no_progress
 
 logger = logging.getLogger(__name__)
 
@@ -86,8 +84,7 @@ def _bring_file(
 ) -> ImportCounts:
     """``bring_in`` of a file of roads, made perhaps of the file that was given, and kept for changes to come."""
     table = read_roads(roads, progress)
-    with given.open("rb") as file:
-        source = replace(source, sha256=hashlib.file_digest(file, "sha256").hexdigest())
+    source = replace(source, sha256=mirror.sha256_of(given))
     if wishes.dry_run:
         return bring_in(sessions, table, source, dem_dir, wishes, progress)
     progress("keeping the file", 0.0)
@@ -99,7 +96,7 @@ def _bring_file(
         with sessions() as session:
             known = store.find_region(session, source.region)
         if known is None or known.file_uri != uri:  # else the roads are in, and the file is theirs
-            region_files.forget_file(dem_dir, uri)
+            mirror.forget(dem_dir, uri)
         raise
 
 
@@ -132,7 +129,7 @@ def bring_in(
     with _connection(sessions) as session:
         import_alone(session, lambda: progress("waiting for another import", 0.0))
         session.commit()
-        work = _Import(table, source, wishes, progress, partial(_transaction, session))
+        work = Import(table, source, wishes, progress, partial(_transaction, session))
         counts = work.plan(dem_dir)
         if wishes.dry_run:
             return counts
@@ -146,7 +143,7 @@ def bring_in(
             except steps.TerrainChangedError:
                 work.plan(dem_dir)  # the rest of it, with the heights of now
         if work.former_uri is not None:
-            region_files.forget_file(dem_dir, work.former_uri)
+            mirror.forget(dem_dir, work.former_uri)
     try:
         solve_all_marked(sessions, progress)
     except Exception:
@@ -180,7 +177,7 @@ def _transaction(session: Session) -> Iterator[Session]:
 
 
 @dataclass
-class _Import:
+class Import:
     """One import: planned, and carried out."""
 
     table: RoadTable
@@ -235,16 +232,16 @@ class _Import:
             with self.transaction() as session:
                 refuse(losses(session, self._plan))
 
-    def carry_out(self, counts: ImportCounts, *, pauses: bool = True) -> ImportCounts:
+    def carry_out(self, counts: ImportCounts) -> ImportCounts:
         """Do what was planned last; ``counts`` are those of the first plan."""
-        self.run = run = self.run or self._begin(pauses)
+        self.run = run = self.run or self._begin()
         run.dem_version = self.dem_version
         steps.carry_out(run, self._plan, self._passes)
         with self.transaction() as session:
             self._end(session, run, counts)
         return replace(counts, longest_hold_s=round(run.longest_hold_s, 4))
 
-    def _begin(self, pauses: bool) -> steps.Run:
+    def _begin(self) -> steps.Run:
         """Note that the import begins, and which drives wait for what it brings."""
         name, sha256, region = self.source.name, self.source.sha256, self.source.region
         with self.transaction() as session:
@@ -252,7 +249,7 @@ class _Import:
             known = store.find_region(session, region)
             number = known.id if known else store.make_region(session, region, name, sha256, version)
             touch(session, state_of(version, LAST_STEP), (), waiting_for(session, self._plan, self.table))
-        return steps.Run(self.transaction, version, number, begun_at, self.dem_version, self.progress, pauses)
+        return steps.Run(self.transaction, version, number, begun_at, self.dem_version, self.progress)
 
     def _end(self, session: Session, run: steps.Run, counts: ImportCounts) -> None:
         """Note what the import has done. Drives that failed beside it for want of roads wait for them, too."""
@@ -269,41 +266,9 @@ class _Import:
         if not len(self.table):
             store.forget_region(session, run.region)
             return
-        store.note_import(
-            session,
-            run.region,
-            source_name=self.source.name,
-            sha256=self.source.sha256,
-            version=run.version,
-            segments=counts.segments,
-            file_uri=self.source.file_uri,
-            file_sha256=self.source.file_sha256,
-            bounds=list(self.table.bounds_deg()),
-        )
-
-
-def replace_roads(
-    session: Session,
-    table: RoadTable,
-    source_name: str,
-    sha256: str,
-    progress: Progress = no_progress,
-    *,
-    dem_slope_percent: Floats | None = None,
-    dem_heights_m: Floats | None = None,
-    region: str = "roads",
-) -> ImportCounts:
-    """Make ``table`` a region in the caller's transaction, which keeps drives and solvers out until it ends.
-
-    ``dem_slope_percent`` has shape (n,), ``dem_heights_m`` one height a knot (``knot_positions``), NaN unknown; None:
-    unknown everywhere. Losses need no acceptance.
-    """
-    slope = np.full(len(table), np.nan) if dem_slope_percent is None else dem_slope_percent
-    heights = np.full(len(knot_positions(table)[0]), np.nan) if dem_heights_m is None else dem_heights_m
-    copy_roads(session, table, slope, heights, progress)
-    source = Source(source_name, sha256, region)
-    work = _Import(table, source, USUAL, progress, lambda: nullcontext(session), dem_version_id(session))
-    counts = work.compare(session)
-    work.carry_out(counts, pauses=False)
-    forget_roads(session)
-    return counts
+        brought = {
+            "version": run.version,
+            "segments": counts.segments,
+            "bounds": list(self.table.bounds_deg()),
+        }
+        store.note_import(session, run.region, **vars(self.source), **brought)

@@ -5,7 +5,6 @@ Each import keeps a file of its own, under a name that no other has, and lets th
 
 from __future__ import annotations
 
-import hashlib
 import uuid
 from pathlib import Path
 
@@ -24,23 +23,15 @@ def keep_file(place: FilePlace, source: Path, region: str) -> tuple[str, str]:
     target.parent.mkdir(parents=True)
     try:
         keep_roads(source, target)
-        with target.open("rb") as file:
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         mirror.send(place, [uri])
-    except mirror.MirrorError as error:
-        forget_file(place, uri)
-        raise RoadsError(
-            f"{source.name} cannot be kept: {error} See to the storage of VERSANT_DEM_URL and import it again."
-        ) from error
-    except BaseException:
-        forget_file(place, uri)
+        return uri, mirror.sha256_of(target)
+    except BaseException as error:
+        mirror.forget(place, uri)
+        if isinstance(error, mirror.MirrorError):
+            raise RoadsError(
+                f"{source.name} cannot be kept: {error} See to the storage of VERSANT_DEM_URL and import it again."
+            ) from error
         raise
-    return uri, sha256
-
-
-def forget_file(place: FilePlace, uri: str) -> None:
-    """Delete a kept file."""
-    mirror.forget(place, uri)
 
 
 def kept_file(place: FilePlace, region: Region) -> Path:

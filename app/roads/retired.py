@@ -26,14 +26,17 @@ from fusion.types import Ints
 # --- retiring
 
 _RUN = "(SELECT max(id) FROM provenances AS v WHERE v.drive_id = {0}.drive_id)"
-_RETIRE = text("""
+# Of a segment s.
+MEASURED = """
+    (EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = s.id)
+        OR EXISTS (SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell)))
+"""
+_RETIRE = text(f"""
     INSERT INTO retired_segments (segment_id, osm_way_id, from_node, to_node, geom, length_m)
     SELECT s.id, s.osm_way_id, s.from_node, s.to_node, s.geom, s.length_m FROM segments AS s
-    WHERE s.id = ANY(CAST(:ids AS bigint[])) AND (
-        EXISTS (SELECT FROM drive_segments AS e WHERE e.segment_id = s.id)
-        OR EXISTS (SELECT FROM drive_passes AS p WHERE p.segment_id = s.id AND p.partition = versant_partition(s.cell)))
+    WHERE s.id = ANY(CAST(:ids AS bigint[])) AND {MEASURED}
     ORDER BY s.id RETURNING id, segment_id
-""")
+""")  # noqa: S608 - constants
 # Roads whose evidence is gone with its drives.
 _DELETE_EMPTY = text("""
     DELETE FROM retired_segments AS a WHERE NOT EXISTS (SELECT FROM retired_passes AS p WHERE p.retired_id = a.id)
@@ -53,22 +56,11 @@ _RETIRE_ESTIMATES = text(f"""
     FROM unnest(CAST(:retired AS bigint[]), CAST(:ids AS bigint[])) AS a (id, segment_id)
     JOIN drive_segments AS e ON e.segment_id = a.segment_id
 """)  # noqa: S608 - constants
-_DELETE_EVIDENCE = tuple(
-    text(statement)
-    for statement in (
-        "DELETE FROM drive_passes WHERE segment_id = ANY(CAST(:ids AS bigint[])) "
-        "AND partition = ANY(CAST(:partitions AS smallint[]))",
-        *(
-            f"DELETE FROM {table} WHERE segment_id = ANY(CAST(:ids AS bigint[]))"  # noqa: S608 - constants
-            for table in (
-                "drive_segments",
-                "rejected_passes",
-                "condensed_passes",
-                "network_slopes",
-                "segment_slopes",
-            )
-        ),
-    )
+DELETE_OF = "DELETE FROM {} WHERE segment_id = ANY(CAST(:ids AS bigint[]))"
+_BY_SEGMENT = ("drive_segments", "rejected_passes", "condensed_passes", "network_slopes", "segment_slopes")
+_DELETE_EVIDENCE = (
+    text(f"{DELETE_OF.format('drive_passes')} AND partition = ANY(CAST(:partitions AS smallint[]))"),
+    *(text(DELETE_OF.format(table)) for table in _BY_SEGMENT),
 )
 
 # --- restoring

@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,6 @@ class Run:
     begun_at: datetime
     dem_version: int
     progress: Progress
-    pauses: bool = True
     steps: int = 0
     longest_hold_s: float = 0.0
     _size: int = 200
@@ -73,8 +72,7 @@ class Run:
             self.longest_hold_s = max(self.longest_hold_s, held_s)
             size = len(columns[0]) * HOLD_S / max(held_s, 1e-4)
             self._size = int(min(max(size, self._size / 2, LEAST), 2 * self._size, MOST))
-            if self.pauses:
-                time.sleep(held_s)
+            time.sleep(held_s)
 
     def pieces(self, weights: Ints, *, owns: bool) -> Iterator[slice]:
         """Parts of so many things in their order: as large as the last step allows, and large where none waits."""
@@ -87,14 +85,9 @@ class Run:
             start = end
 
 
-class _Portion(NamedTuple):
-    """What is done alike: columns that tell of the things, how many passes there are over each, and what to do."""
-
-    stage: str
-    owns: bool
-    columns: list[NDArray[Any]]
-    passes: Ints | None
-    do: Callable[..., None]
+_Portion = tuple[str, bool, list[NDArray[Any]], Ints | None, Callable[..., None]]
+"""What is done alike: the stage, whether it owns the network, columns that tell of the things, how many passes are over
+each, and what to do."""
 
 
 def carry_out(run: Run, plan: Plan, passes: Ints) -> None:
@@ -115,17 +108,17 @@ def _portions(plan: Plan, passes: Ints) -> Iterator[_Portion]:
     for one in plan.returns:
         back.setdefault(one.n, []).append(one)
     returns = np.isin(plan.added, list(back))
-    yield _Portion("adding", False, [plan.added[~returns]], None, partial(changing.add, back={}))
-    yield _Portion("adding", True, [plan.added[returns]], None, partial(changing.add, back=back))
+    yield ("adding", False, [plan.added[~returns]], None, partial(changing.add, back={}))
+    yield ("adding", True, [plan.added[returns]], None, partial(changing.add, back=back))
     same = plan.of(Change.MOVED, Change.RENUMBERED, Change.REVERSED)
     carried = [plan.ids[same], plan.n[same], plan.change[same] == Change.REVERSED]
-    yield _Portion("moving", True, carried, passes[same], changing.carry)
+    yield ("moving", True, carried, passes[same], changing.carry)
     far = plan.of(Change.FAR)
     moved = [plan.ids[far], plan.n[far]]
-    yield _Portion("moving", True, moved, passes[far], partial(changing.move_away, back=back))
+    yield ("moving", True, moved, passes[far], partial(changing.move_away, back=back))
     for courses in (False, True):
         rows = plan.renamed[(plan.renamed[:, 2] != 0) == courses]
-        yield _Portion("renaming", False, [*rows[:, :2].T], None, partial(changing.rename, courses=courses))
+        yield ("renaming", False, [*rows[:, :2].T], None, partial(changing.rename, courses=courses))
     gone = plan.of(Change.SPLIT, Change.MERGED, Change.DROPPED)
-    yield _Portion("dropping", True, [plan.ids[gone]], passes[gone], changing.drop)
-    yield _Portion("dropping", False, [plan.ids[plan.of(Change.RELEASED)]], None, changing.release)
+    yield ("dropping", True, [plan.ids[gone]], passes[gone], changing.drop)
+    yield ("dropping", False, [plan.ids[plan.of(Change.RELEASED)]], None, changing.release)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import text
+from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
@@ -35,21 +35,6 @@ def road_extent(session: Session) -> Bounds | None:
 def road_crowds(session: Session) -> dict[int, int]:
     """How many segments have their middle in each cell of the map that has any."""
     return {int(cell): int(count) for cell, count in session.execute(_CROWDED)}
-
-
-@dataclass(frozen=True)
-class RoadVersionRow:
-    """One import of the road network."""
-
-    id: int
-    source_name: str
-    sha256: str
-    imported_at: datetime
-    segments: int
-    kept: int
-    moved: int
-    dropped: int
-    added: int
 
 
 # The whole network is as it was until the import has ended.
@@ -82,10 +67,9 @@ def road_version_id(session: Session) -> int:
     return int(session.execute(_ROAD_VERSION).scalar_one())
 
 
-def current_road_version(session: Session) -> RoadVersionRow | None:
-    """The last import, or None before the first."""
-    row = session.execute(_CURRENT).one_or_none()
-    return None if row is None else RoadVersionRow(**row._mapping)
+def current_road_version(session: Session) -> Row[Any] | None:
+    """The last import, by the names of columns in ``_CURRENT``; None before the first."""
+    return session.execute(_CURRENT).one_or_none()
 
 
 def road_tag(session: Session) -> tuple[object, ...]:
@@ -126,6 +110,8 @@ class Region:
     segments: int
     file_uri: str | None
     file_sha256: str | None
+    bounds: list[float] | None
+    """West, south, east, north of its roads, degrees"""
 
 
 @dataclass(frozen=True)
@@ -140,16 +126,15 @@ class RegionFigures:
     """Segments on which any drive has measured anything"""
 
 
-_COLUMNS = "id, name, source_name, sha256, imported_at, segments, file_uri, file_sha256"
+_COLUMNS = "id, name, source_name, sha256, imported_at, segments, file_uri, file_sha256, bounds"
 _FIND = text(f"SELECT {_COLUMNS} FROM regions WHERE name = :name")  # noqa: S608 - constants
-_ALL = text(f"SELECT {_COLUMNS} FROM regions ORDER BY id")  # noqa: S608 - constants
-_NAMES = text("SELECT name FROM regions ORDER BY name")
+_ALL = text(f"SELECT {_COLUMNS} FROM regions ORDER BY name")  # noqa: S608 - constants
 _MAKE = text("""
     INSERT INTO regions (name, source_name, sha256, road_version_id, segments)
     VALUES (:name, :source_name, :sha256, :version, 0) RETURNING id
 """)
 _NOTE = text("""
-    UPDATE regions SET source_name = :source_name, sha256 = :sha256, road_version_id = :version,
+    UPDATE regions SET source_name = :name, sha256 = :sha256, road_version_id = :version,
         segments = :segments, imported_at = clock_timestamp(), file_uri = :file_uri, file_sha256 = :file_sha256,
         bounds = CAST(:bounds AS float8[])
     WHERE id = :id
@@ -165,7 +150,6 @@ _DRIVEN = text("""
     CROSS JOIN LATERAL unnest(s.regions) AS of_region JOIN regions AS r ON r.id = of_region
     WHERE a.drives > 0 GROUP BY r.name
 """)
-_STANDING = text("SELECT name, source_name, imported_at, segments, bounds FROM regions ORDER BY name")
 _FIGURES = text("""
     SELECT r.name, r.source_name, r.imported_at, r.segments, coalesce(m.measured, 0) AS measured
     FROM regions AS r LEFT JOIN (
@@ -200,14 +184,14 @@ def find_region(session: Session, name: str) -> Region | None:
 
 
 def all_regions(session: Session) -> list[Region]:
-    """Every region, the one that was made first in front."""
+    """Every region, by name."""
     return [Region(**row._mapping) for row in session.execute(_ALL)]
 
 
 def known_region(session: Session, name: str) -> Region:
     """The region of this name; ``RoadsError`` where there is none, with those that there are."""
     if (region := find_region(session, name)) is None:
-        names = region_names(session)
+        names = [one.name for one in all_regions(session)]
         there = f"There are: {', '.join(names)}." if names else "There is none yet."
         raise RoadsError(f"There is no region {name!r}. {there}")
     return region
@@ -215,7 +199,7 @@ def known_region(session: Session, name: str) -> Region:
 
 def changed_region(session: Session, name: str | None, file_name: str) -> Region:
     """The region that a file of changes is for: the one that is named, that of the file's name, or the only one."""
-    names = region_names(session)
+    names = [one.name for one in all_regions(session)]
     guess = region_name(file_name) if len(names) != 1 or region_name(file_name) in names else names[0]
     if name is None and guess not in names:
         there = ", ".join(names) or "there is none yet"
@@ -231,11 +215,6 @@ def region_extent(session: Session, region_id: int) -> Bounds:
     return float(west), float(south), float(east), float(north)
 
 
-def region_names(session: Session) -> list[str]:
-    """The names of all regions, sorted."""
-    return list(session.execute(_NAMES).scalars())
-
-
 def make_region(session: Session, name: str, source_name: str, sha256: str, version: int) -> int:
     """Begin a region; its number."""
     values = {"name": name, "source_name": source_name, "sha256": sha256, "version": version}
@@ -243,7 +222,7 @@ def make_region(session: Session, name: str, source_name: str, sha256: str, vers
 
 
 def note_import(session: Session, region_id: int, **columns: Any) -> None:
-    """Note what an import brought: ``source_name``, ``sha256``, ``version``, ``segments``, ``file_uri``,
+    """Note what an import brought: ``name`` and ``sha256`` of the file, ``version``, ``segments``, ``file_uri``,
     ``file_sha256``, ``bounds``."""
     session.execute(_NOTE, {"id": region_id, **columns})
 
@@ -251,23 +230,6 @@ def note_import(session: Session, region_id: int, **columns: Any) -> None:
 def forget_region(session: Session, region_id: int) -> None:
     """Delete the region, which has no segments any more."""
     session.execute(_REMOVE, {"id": region_id})
-
-
-@dataclass(frozen=True)
-class RegionStanding:
-    """A region as its last import left it, as far as its row tells."""
-
-    name: str
-    source_name: str
-    imported_at: datetime
-    segments: int
-    bounds: list[float] | None
-    """West, south, east, north, degrees"""
-
-
-def region_standings(session: Session) -> list[RegionStanding]:
-    """All regions by name. Reads their rows alone."""
-    return [RegionStanding(**row._mapping) for row in session.execute(_STANDING)]
 
 
 def driven_by_region(session: Session) -> dict[str, int]:

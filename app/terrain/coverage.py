@@ -17,39 +17,27 @@ from app.terrain.store import DemSet, DemSource
 
 _WORLD: Bounds = (-180.0, -90.0, 180.0, 90.0)
 
-# Of boxes of rasters, those in which there are segments.
-_WITH_SEGMENTS = """
-    SELECT box.number
-    FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]), CAST(:north AS float8[]))
-         WITH ORDINALITY AS box (west, south, east, north, number)
-    WHERE EXISTS (
-        SELECT FROM segments AS s
-        WHERE s.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326) {and_within})
+# A box for each of some rasters; ``left_`` in front of the names of the parameters: of other ones.
+_BOXES = """
+    (SELECT number, ST_MakeEnvelope(w, s, e, n, 4326) AS box
+     FROM unnest(CAST(:{0}west AS float8[]), CAST(:{0}south AS float8[]), CAST(:{0}east AS float8[]),
+                 CAST(:{0}north AS float8[])) WITH ORDINALITY AS g (w, s, e, n, number))
 """
-_WITHIN = """
-            AND ST_Intersects(s.geom, ST_MakeEnvelope(:w, :s, :e, :n, 4326))
-"""
-_DRIVEN = """
-            AND EXISTS (SELECT FROM segment_slopes AS a WHERE a.segment_id = s.id AND a.drives > 0)
-"""
-_COUNT = text("""
-    SELECT count(s.id) FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
-        CAST(:north AS float8[])) WITH ORDINALITY AS box (west, south, east, north, number)
-    LEFT JOIN segments AS s ON s.geom && ST_MakeEnvelope(box.west, box.south, box.east, box.north, 4326)
-    GROUP BY box.number ORDER BY box.number
-""")
+# Those in which there are segments.
+_WITH_SEGMENTS = f"""
+    SELECT number FROM {_BOXES.format("")} AS raster
+    WHERE EXISTS (SELECT FROM segments AS s WHERE s.geom && raster.box {{and_within}})
+"""  # noqa: S608 - constants
+_WITHIN = "AND ST_Intersects(s.geom, ST_MakeEnvelope(:w, :s, :e, :n, 4326))"
+_DRIVEN = "AND EXISTS (SELECT FROM segment_slopes AS a WHERE a.segment_id = s.id AND a.drives > 0)"
+_COUNT = text(f"""
+    SELECT count(s.id) FROM {_BOXES.format("")} AS raster LEFT JOIN segments AS s ON s.geom && raster.box
+    GROUP BY number ORDER BY number
+""")  # noqa: S608 - constants
 
 # Of the segments in some boxes: how many are measured, and how many of these lie in no other box.
-_EFFECT = text("""
-    WITH gone AS (
-        SELECT ST_MakeEnvelope(w, s, e, n, 4326) AS box
-        FROM unnest(CAST(:west AS float8[]), CAST(:south AS float8[]), CAST(:east AS float8[]),
-                    CAST(:north AS float8[])) AS g (w, s, e, n)
-    ), others AS (
-        SELECT ST_MakeEnvelope(w, s, e, n, 4326) AS box
-        FROM unnest(CAST(:left_west AS float8[]), CAST(:left_south AS float8[]), CAST(:left_east AS float8[]),
-                    CAST(:left_north AS float8[])) AS g (w, s, e, n)
-    ), under AS (
+_EFFECT = text(f"""
+    WITH gone AS {_BOXES.format("")}, others AS {_BOXES.format("left_")}, under AS (
         SELECT DISTINCT s.id, s.geom FROM gone JOIN segments AS s ON s.geom && gone.box
     )
     SELECT count(*) AS segments, count(a.segment_id) AS measured,
@@ -57,7 +45,7 @@ _EFFECT = text("""
            (SELECT count(*) FROM drives AS d WHERE d.status = 'done'
                 AND EXISTS (SELECT FROM gone WHERE d.bounds && gone.box)) AS drives
     FROM under AS u LEFT JOIN segment_slopes AS a ON a.segment_id = u.id AND a.drives > 0
-""")
+""")  # noqa: S608 - constants
 
 
 def rasters_over(
@@ -66,7 +54,7 @@ def rasters_over(
     """Names of the rasters that cover a segment: one that meets the box, and was driven, where that is asked."""
     if active is None:
         return ()
-    within = (_WITHIN if bbox else "") + (_DRIVEN if driven else "")
+    within = f"{_WITHIN if bbox else ''} {_DRIVEN if driven else ''}"
     corners = dict(zip("wsen", bbox, strict=True)) if bbox else {}
     query = text(_WITH_SEGMENTS.format(and_within=within))
     numbers = session.execute(query, {**_columns(active.sources), **corners}).scalars()

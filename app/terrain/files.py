@@ -59,11 +59,7 @@ class Limits:
 
 def request_limits(settings: Settings) -> Limits:
     """For what a request brought."""
-    return Limits(
-        max_bytes=settings.max_import_bytes,
-        max_posts=settings.max_raster_posts,
-        keep_free_bytes=settings.min_free_bytes,
-    )
+    return Limits(False, settings.max_import_bytes, settings.max_raster_posts, settings.min_free_bytes)
 
 
 def operator_limits(settings: Settings) -> Limits:

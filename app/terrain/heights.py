@@ -50,7 +50,7 @@ def terrain_under(active: DemSet | None, table: RoadTable, look: Look = _nothing
     if active is None or not len(table):
         return np.full(len(table), np.nan), np.full(len(knot_positions(table)[0]), np.nan)
     with open_dem(active, look) as dem:
-        return _terrain(dem, table)
+        return dem_slopes(dem, table), dem.heights_along(*knot_positions(table), knot_rows(table))
 
 
 def fill_heights(sessions: Sessions, dem_dir: FilePlace, after_id: int = 0) -> int | None:
@@ -60,18 +60,14 @@ def fill_heights(sessions: Sessions, dem_dir: FilePlace, after_id: int = 0) -> i
     One that reaches over a raster's edge has no slope and waits for the next import. In a short transaction that owns
     the network.
     """
-    with sessions.begin() as session:
-        own_network(session)
-        active = current_dem(session, dem_dir)
-        table, ids = roads_without_heights(session, after_id, SEGMENTS_PER_FILL)
-        if active is None or not len(ids):
-            return None
-        _write_terrain(session, table, ids, *terrain_under(active, table))
-    return int(ids.max())
+    ids = _fill(
+        sessions, dem_dir, lambda session: roads_without_heights(session, after_id, SEGMENTS_PER_FILL)
+    )
+    return int(ids.max()) if len(ids) else None
 
 
-def fill_heights_along(sessions: Sessions, dem_dir: FilePlace, driven: RoadTable) -> int:
-    """``fill_heights`` for the roads that a drive can have a part in: driven ones and gaps beside them; of how many.
+def fill_heights_along(sessions: Sessions, dem_dir: FilePlace, driven: RoadTable) -> None:
+    """``fill_heights`` for the roads that a drive can have a part in: driven ones and gaps beside them.
 
     Before the drive is solved, so that no slope is published without the elevation model, however long filling the
     whole map takes. Drives that were solved before had their roads filled, too.
@@ -79,15 +75,22 @@ def fill_heights_along(sessions: Sessions, dem_dir: FilePlace, driven: RoadTable
     ends = (driven.lon0_deg, driven.lat0_deg, driven.lon1_deg, driven.lat1_deg)
     boxes = boxes_around(*ends, LONGEST_GAP_M)
     with sessions() as session:
-        if current_dem(session, dem_dir) is None or not len(roads_without_heights_in(session, boxes)[1]):
-            return 0
+        waits = current_dem(session, dem_dir) is not None and len(roads_without_heights_in(session, boxes)[1])
+    if waits:
+        _fill(sessions, dem_dir, lambda session: roads_without_heights_in(session, boxes))
+
+
+def _fill(sessions: Sessions, dem_dir: FilePlace, read: Callable[[Session], tuple[RoadTable, Ints]]) -> Ints:
+    """Give heights to the roads that ``read`` finds; their ids, of none where there are no rasters."""
     with sessions.begin() as session:
         own_network(session)
         active = current_dem(session, dem_dir)
-        table, ids = roads_without_heights_in(session, boxes)
-        if active is not None and len(ids):
+        if active is None:
+            return np.empty(0, np.int64)
+        table, ids = read(session)
+        if len(ids):
             _write_terrain(session, table, ids, *terrain_under(active, table))
-    return len(ids)
+    return ids
 
 
 def renew_all(sessions: Sessions, dem_dir: FilePlace, progress: Progress) -> None:
@@ -140,10 +143,6 @@ def _renew(
             _write_terrain(session, table, ids_there, slope, heights)
         note_renewed(session, pending, None if last else int(ids[-1]))
         return pending_heights(session)
-
-
-def _terrain(dem: Dem, table: RoadTable) -> tuple[Floats, Floats]:
-    return dem_slopes(dem, table), dem.heights_along(*knot_positions(table), knot_rows(table))
 
 
 def _write_terrain(session: Session, table: RoadTable, ids: Ints, slope: Floats, heights: Floats) -> None:

@@ -34,6 +34,7 @@ from app.core.db import Sessions, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
 from app.network import condensed, extracts, passes, solve, swap
 from app.roads import imports as roads
+from app.roads.documents import USUAL, Source
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
@@ -80,8 +81,7 @@ class Street:
         migrate.upgrade(cluster.url_of(name))
         engine = make_engine(cluster.url_of(name))
         sessions = session_factory(engine)
-        with sessions.begin() as session:
-            roads.replace_roads(session, table, "street.osm", "0" * 64)
+        roads.bring_in(sessions, table, Source("street.osm", "0" * 64, "street"), Path("no-dem"), USUAL)
         with sessions() as session:
             return cls(engine, sessions, extracts.all_roads(session)[1])
 

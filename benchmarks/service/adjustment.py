@@ -24,6 +24,7 @@ from app.network.marks import MarkedBy
 from app.network.swap import solve_all_marked
 from app.roads import imports as roads
 from app.roads import store as road_store
+from app.roads.documents import USUAL, Source
 from fusion.network.pass_factor import PassFactor
 from fusion.simulate.scene.town import make_town
 from fusion.types import Ints
@@ -87,8 +88,7 @@ def service_part(repeat: int) -> dict[str, float]:
         migrate.upgrade(cluster.url_of("adjustment"))
         engine = make_engine(cluster.url_of("adjustment"))
         sessions = session_factory(engine)
-        with sessions.begin() as session:
-            roads.replace_roads(session, town.roads, "town.osm", "0" * 64)
+        roads.bring_in(sessions, town.roads, Source("town.osm", "0" * 64, "town"), Path(folder, "dem"), USUAL)
         with sessions() as session:
             ids = extracts.all_roads(session)[1]
         for _ in range(DRIVES):

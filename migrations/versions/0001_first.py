@@ -6,9 +6,10 @@ Revision: 0001.
 import sqlalchemy as sa
 from alembic import op
 from geoalchemy2 import Geometry
+from procrastinate.schema import SchemaManager
 from sqlalchemy.dialects import postgresql
 
-from app.core.schema import install_queue
+from app.core.schema import comment_on_queue, queue_files
 
 revision = "0001"
 down_revision = None
@@ -80,7 +81,10 @@ def upgrade() -> None:
         sa.CheckConstraint("id = 1", name="singleton"),
     )
     op.execute("INSERT INTO data_version (id, version) VALUES (1, 1)")
-    install_queue(op.get_bind().connection.driver_connection)
+    queue = op.get_bind().connection.driver_connection
+    # The driver's own execute: SQLAlchemy's would take a per cent sign in the script for a parameter.
+    queue.execute(SchemaManager.get_schema())
+    comment_on_queue(queue, queue_files()[-1])
 
 
 def downgrade() -> None:

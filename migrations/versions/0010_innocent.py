@@ -3,6 +3,9 @@
 Adds only: programs of older revisions neither need nor notice it.
 """
 
+from typing import Any
+
+import psycopg
 import sqlalchemy as sa
 from alembic import op
 
@@ -14,6 +17,47 @@ branch_labels = None
 depends_on = None
 
 oldest_program = "0010"  # older ones demand their own revision, whatever is said here
+
+_READ_COMMENT = "SELECT obj_description('procrastinate_jobs'::regclass)"
+_RECORD = "INSERT INTO queue_migrations (name) VALUES (%s) ON CONFLICT DO NOTHING"
+
+_BEFORE_THE_FIRST = "03"
+"""No release of the project had a queue older than its version 3: what is older is in every database."""
+
+_HAS_FUNCTION = "EXISTS (SELECT FROM pg_proc WHERE proname = 'procrastinate_{}')"
+_SAYS = "EXISTS (SELECT FROM pg_proc WHERE proname = 'procrastinate_{}' AND prosrc LIKE '%{}%')"
+_WORKERS = "to_regclass('procrastinate_workers') IS NOT NULL"
+_TO_DEFER = "to_regtype('procrastinate_job_to_defer_v1') IS NOT NULL"
+
+_SIGNS = {
+    "03.00.00_01_pre_cancel_notification.sql": "EXISTS (SELECT FROM pg_attribute WHERE attname = 'abort_requested'"
+    " AND attrelid = 'procrastinate_jobs'::regclass)",
+    "03.00.00_50_post_cancel_notification.sql": "EXISTS (SELECT FROM pg_trigger"
+    " WHERE tgname = 'procrastinate_jobs_notify_queue_job_inserted_v1')",
+    "03.01.00_01_pre_add_heartbeat.sql": _WORKERS,
+    "03.01.00_50_post_add_heartbeat.sql": f"{_WORKERS} AND NOT {_HAS_FUNCTION.format('fetch_job_v1')}",
+    "03.02.00_01_pre_batch_defer_jobs.sql": _TO_DEFER,
+    "03.02.00_50_post_batch_defer_jobs.sql": f"{_TO_DEFER} AND NOT {_HAS_FUNCTION.format('defer_job_v1')}",
+    "03.03.00_01_pre_priority_lock_fetch_job.sql": _SAYS.format("fetch_job_v2", "other_jobs"),
+    "03.04.00_01_pre_add_retry_failed_job_procedure.sql": _HAS_FUNCTION.format("retry_job_v2"),
+    "03.04.00_50_post_add_retry_failed_job_procedure.sql": _SAYS.format(
+        "trigger_function_status_events_update_v1", "retried"
+    ),
+}
+"""By what a database from before the files were noted shows that one was applied."""
+
+
+def _adopt_queue(connection: psycopg.Connection[Any]) -> None:
+    """Begin the record of the queue's files with those that the database shows to have."""
+    (last,) = connection.execute(_READ_COMMENT).fetchone() or (None,)
+    for name in schema.queue_files():
+        if name < _BEFORE_THE_FIRST or (name <= last if last else _shows(connection, name)):
+            connection.execute(_RECORD, (name,))
+
+
+def _shows(connection: psycopg.Connection[Any], name: str) -> bool:
+    sign = _SIGNS.get(name)
+    return sign is not None and bool(connection.execute(f"SELECT {sign}".encode()).fetchone()[0])
 
 
 def _of_one_row() -> tuple[sa.Column, sa.CheckConstraint]:
@@ -40,7 +84,7 @@ def upgrade() -> None:
         sa.Column("name", sa.String(), primary_key=True),
         sa.Column("applied_at", sa.DateTime(timezone=True), server_default=sa.func.now(), nullable=False),
     )
-    schema.adopt_queue(op.get_bind().connection.driver_connection)
+    _adopt_queue(op.get_bind().connection.driver_connection)
 
 
 def downgrade() -> None:

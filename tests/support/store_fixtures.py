@@ -14,7 +14,6 @@ from app.drives import claims
 from app.network import extracts
 from app.network import results as slopes
 from app.network.marks import MarkedBy
-from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.network.unknowns import knot_positions
 from fusion.roads.table import RoadTable
@@ -22,6 +21,7 @@ from fusion.simulate.scene.town import Town
 from fusion.types import Ints, SegmentSlope
 from network_support import new_drive
 from processing_support import publish_all
+from road_support import replace_roads
 
 AddDrive = Callable[..., uuid.UUID]
 FIRST_GENERATION = 1
@@ -67,7 +67,7 @@ def segment_ids(sessions: Sessions, chain: Callable[..., RoadTable]) -> Ints:
     """The ids of an imported chain of ten segments, from west to east."""
     table = chain()
     with sessions.begin() as session:
-        roads.replace_roads(session, table, "chain.osm", "0" * 64)
+        replace_roads(session, table, "chain.osm", "0" * 64)
     with sessions() as session:
         return extracts.all_roads(session)[1]
 
@@ -82,7 +82,7 @@ def streets_apart(sessions: Sessions, chain: Callable[..., RoadTable]) -> tuple[
         lon1_deg=lon + 0.001,
     )  # fmt: skip
     with sessions.begin() as session:
-        roads.replace_roads(session, table, "apart.osm", "0" * 64)
+        replace_roads(session, table, "apart.osm", "0" * 64)
         return extracts.all_roads(session)
 
 
@@ -91,7 +91,7 @@ def streets(sessions: Sessions, town: Town) -> tuple[RoadTable, Ints]:
     """The town's roads, imported, and their ids."""
     with sessions.begin() as session:
         lon, lat = knot_positions(town.roads)
-        roads.replace_roads(
+        replace_roads(
             session,
             town.roads,
             "town.osm",

@@ -30,11 +30,11 @@ from app.main import create_app
 from app.network import extracts
 from app.network import results as slopes
 from app.network.marks import MarkedBy
-from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.roads.table import RoadTable
 from fusion.types import SegmentSlope, Track
 from processing_support import publish_all
+from road_support import replace_roads
 
 GRID = 8  # streets each way
 WEST, SOUTH, STEP = 8.40, 49.00, 0.002
@@ -145,7 +145,7 @@ def fill_roads(sessions: Sessions) -> list[int]:
     with sessions.begin() as session:
         table = grid_roads()
         dem_slope = np.where(np.arange(len(table)) % 4 == 0, np.nan, 1.5)
-        roads.replace_roads(session, table, "grid.osm", "0" * 64, dem_slope_percent=dem_slope)
+        replace_roads(session, table, "grid.osm", "0" * 64, dem_slope_percent=dem_slope)
     with sessions() as session:
         return [int(i) for i in extracts.all_roads(session)[1]]
 

@@ -16,7 +16,7 @@ from typing import Any
 from starlette.types import Receive, Scope, Send
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from app.core.errors import KINDS, BusyError, HeadTooLargeError, Kind, SlowClientError
+from app.core.errors import KINDS, BusyError, HeadTooLargeError, ServiceError, SlowClientError
 from app.core.middleware import FOR_PROBES
 from app.core.problems import PROBLEM_JSON, problem_document, refuse
 from app.core.receiving.clients import Shares, client_of, is_within
@@ -64,12 +64,10 @@ class Connections:
     """
 
     def __init__(self, settings: Settings) -> None:
-        most, per_client = _as_files_allow(settings.connections_max), settings.connections_per_client
         self.head_timeout_s = settings.head_timeout_s
         self.open = 0
-        self._most, self._per_client = most, per_client
         self._proxies = settings.proxies
-        self._busy = Shares(most, per_client)
+        self._busy = Shares(_as_files_allow(settings.connections_max), settings.connections_per_client)
         self._idle: dict[str, dict[BoundedProtocol, None]] = {}
         self._told_s = -TELL_EVERY_S
 
@@ -81,12 +79,12 @@ class Connections:
         """Count a new connection; False if there is no room for it."""
         self.open += 1
         idle = self._idle.setdefault(client, {})
-        if client != PROXY and len(idle) + self._busy.held[client] >= self._per_client:
+        if client != PROXY and len(idle) + self._busy.held[client] >= self._busy.per_client:
             self._evict(client)
-        elif self.open > self._most:
+        elif self.open > self._busy.most:
             self._evict(max(self._idle, key=lambda one: len(self._idle[one])))
         self._idle.setdefault(client, {})[connection] = None
-        return self.open <= self._most + SPARE
+        return self.open <= self._busy.most + SPARE
 
     def closed(self, connection: BoundedProtocol, client: str, *, counted: bool) -> None:
         """Count a closed connection no longer."""
@@ -99,7 +97,7 @@ class Connections:
         """A request begins on the connection; False if the client has too many."""
         self._awake(connection, client)
         busy = self._busy
-        if busy.total < self._most if client == PROXY else busy.allows(client):
+        if busy.total < busy.most if client == PROXY else busy.allows(client):
             busy.take(client)
             return True
         self._tell()
@@ -152,7 +150,9 @@ class BoundedProtocol(HttpToolsProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Count it no more."""
-        self._stop_timers()
+        for timer in (self._head_timer, self._unread_timer):
+            if timer is not None:
+                timer.cancel()
         self.held_by.closed(self, self._holder, counted=self._counted)
         self._counted = False
         super().connection_lost(exc)
@@ -162,7 +162,7 @@ class BoundedProtocol(HttpToolsProtocol):
         self._overhead_bytes += len(data)
         super().data_received(data)
         if self._overhead_bytes > HEAD_BYTES and not self.transport.is_closing():
-            self._refuse(KINDS[HeadTooLargeError], KINDS[HeadTooLargeError].meaning)
+            self._refuse(HeadTooLargeError)
 
     def on_headers_complete(self) -> None:
         """Begin the request, or refuse it."""
@@ -172,7 +172,7 @@ class BoundedProtocol(HttpToolsProtocol):
             raise _RefusedError
         size = len(self.url) + sum(len(name) + len(value) for name, value in self.headers)
         if size > HEAD_BYTES or len(self.headers) > MOST_HEADERS:
-            self._refuse(KINDS[HeadTooLargeError], KINDS[HeadTooLargeError].meaning)
+            self._refuse(HeadTooLargeError)
             raise _RefusedError
         if self._head_timer is not None:
             self._head_timer.cancel()
@@ -230,19 +230,13 @@ class BoundedProtocol(HttpToolsProtocol):
             return
         if self._overhead_bytes:
             within_s = self.held_by.head_timeout_s
-            self._refuse(
-                KINDS[SlowClientError], f"The head of the request was not whole within {within_s:g} s."
-            )
+            self._refuse(SlowClientError, f"The head of the request was not whole within {within_s:g} s.")
         else:
             self.transport.close()
 
-    def _stop_timers(self) -> None:
-        for timer in (self._head_timer, self._unread_timer):
-            if timer is not None:
-                timer.cancel()
-
-    def _refuse(self, kind: Kind, detail: str) -> None:
-        body = problem_document(kind, detail, instance="").model_dump_json().encode()
+    def _refuse(self, error: type[ServiceError], detail: str = "") -> None:
+        kind = KINDS[error]
+        body = problem_document(kind, detail or kind.meaning, instance="").model_dump_json().encode()
         head = f"HTTP/1.1 {kind.status} {kind.title}\r\ncontent-type: {PROBLEM_JSON}\r\nconnection: close\r\n"
         self.transport.write(f"{head}content-length: {len(body)}\r\n\r\n".encode() + body)
         self.transport.close()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import time
 
-from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.disconnects import answer_nobody, has_body
@@ -32,7 +31,7 @@ class Bodies:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on with its body, or answer 408 or 413."""
-        if scope["type"] != "http" or scope["method"] not in CHANGING or not has_body(Headers(scope=scope)):
+        if scope["type"] != "http" or scope["method"] not in CHANGING or not has_body(scope):
             await self.app(scope, receive, send)
         elif scope["path"] in UPLOAD_PATHS:
             await self.app(scope, _paced(receive, self._upload_stall_s), send)

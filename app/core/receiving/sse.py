@@ -54,7 +54,7 @@ class Follower(Generic[K, T]):
         self._told.set()
 
     def fail(self, error: Exception) -> None:
-        """Nothing can be found out: of concern only to who has been told nothing yet."""
+        """News cannot be read. Only a follower that has been told nothing yet learns of it."""
         if self.last is None:
             self._error = error
             self._told.set()

@@ -38,9 +38,7 @@ def _http_url(url: str) -> str:
 
 
 def _login_url(url: str) -> str:
-    if re.match(r"/(?![/\\])", url):
-        return url
-    if not url.startswith(("http://", "https://")):
+    if not re.match(r"https?://|/(?![/\\])", url):
         raise ValueError("it must begin with http://, https:// or one /")
     return url
 
@@ -213,22 +211,13 @@ class Settings(Places):
 
     @model_validator(mode="after")
     def _consistent(self) -> Settings:
-        for holds, sentence in (
-            (
-                self.heartbeat_interval_s * 2 <= self.stalled_after_s,
-                "stalled_after_s must be at least twice heartbeat_interval_s",
-            ),
-            (
-                self.items_limit_default <= self.items_limit_max,
-                "items_limit_default must not exceed items_limit_max",
-            ),
-            (
-                self.tile_min_zoom <= self.tile_full_zoom <= self.tile_max_zoom,
-                "the zoom levels must be in the order tile_min_zoom, tile_full_zoom, tile_max_zoom",
-            ),
-        ):
-            if not holds:
-                raise ValueError(sentence)
+        if self.stalled_after_s < 2 * self.heartbeat_interval_s:
+            raise ValueError("stalled_after_s must be at least twice heartbeat_interval_s")
+        if self.items_limit_default > self.items_limit_max:
+            raise ValueError("items_limit_default must not exceed items_limit_max")
+        if not self.tile_min_zoom <= self.tile_full_zoom <= self.tile_max_zoom:
+            order = "tile_min_zoom, tile_full_zoom, tile_max_zoom"
+            raise ValueError(f"the zoom levels must be in the order {order}")
         return self
 
     @property

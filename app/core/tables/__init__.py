@@ -19,9 +19,9 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 DRIVE_STATUSES = ("queued", "running", "done", "failed", "cancelled")
 
 IS_SHOWN = "{}.status <> 'cancelled'"
-"""SQL on a row of ``drives`` of that name: from the answer to the request for its removal on nobody is shown a drive,
-nor anything of it. Its row stays only until the map is solved without it. Every statement that reads drives for
-somebody says this."""
+"""SQL on a row of ``drives`` under that name: whether the drive is shown. Once a request for its removal is answered,
+nobody is shown the drive or anything of it. Its row stays until the map is solved without it. Every statement that
+reads drives for somebody has this condition."""
 
 WITHOUT_HEIGHTS = "dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL"
 """Segments that were imported before heights of the elevation model were kept, and wait for them."""
@@ -45,7 +45,7 @@ _NAMES = {
 
 
 class Base(DeclarativeBase):
-    """Common base: naming convention of constraints and Python type -> SQL type."""
+    """Common base: naming convention of constraints and indexes, and Python type -> SQL type."""
 
     metadata = sa.MetaData(naming_convention=_NAMES)
     type_annotation_map = {  # noqa: RUF012  (SQLAlchemy reads it as a plain class attribute)
@@ -137,7 +137,7 @@ class Road(OfWay):
     name: Mapped[str | None]
     oneway: Mapped[int] = mapped_column(sa.SmallInteger)
     bridge: Mapped[bool]
-    """Any of it, as of ``tunnel``."""
+    """Whether any part of it is one; ``tunnel`` likewise."""
     tunnel: Mapped[bool]
     dem_slope_percent: Mapped[float | None]
 
@@ -171,11 +171,11 @@ class Segment(Numbered, Road, Base):
     __table_args__ = (
         sa.UniqueConstraint("osm_way_id", "from_node", "to_node"),
         sa.CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
-        sa.Index("ix_segments_geom", "geom", postgresql_using="gist"),
-        sa.Index("ix_segments_geom_3857", "geom_3857", postgresql_using="gist"),
+        sa.Index(None, "geom", postgresql_using="gist"),
+        sa.Index(None, "geom_3857", postgresql_using="gist"),
         # What items are asked for by. Equal values share an entry, so these are small.
-        sa.Index("ix_segments_highway", "highway"),
-        sa.Index("ix_segments_name", "name", **where("name IS NOT NULL")),
+        sa.Index(None, "highway"),
+        sa.Index(None, "name", **where("name IS NOT NULL")),
         # What an update left without heights is found at once, and that nothing is left, too.
         sa.Index("ix_segments_without_heights", "id", **where(WITHOUT_HEIGHTS)),
     )
@@ -191,7 +191,7 @@ class Drive(Followed, Base):
 
     sha256: Mapped[str] = mapped_column(unique=True)
     content_sha256: Mapped[str | None] = mapped_column(unique=True)
-    """Of what the bytes unpack to (``app.core.content``); NULL: uploaded before that was told."""
+    """Of what the bytes unpack to (``app.core.content``); NULL of drives from before it was computed."""
     filename: Mapped[str]
     size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
     blob_key: Mapped[str]
@@ -220,29 +220,23 @@ class Drive(Followed, Base):
 
     __table_args__ = (
         *status_constraints(*DRIVE_STATUSES),
-        sa.Index("ix_drives_created_at_id", "created_at", "id"),
-        sa.Index("ix_drives_status_created_at_id", "status", "created_at", "id"),
-        sa.Index("ix_drives_queued_at", "queued_at", **where("status = 'queued'")),
+        sa.Index(None, "created_at", "id"),
+        sa.Index(None, "status", "created_at", "id"),
+        sa.Index(None, "queued_at", **where("status = 'queued'")),
         # How many ended in an hour or a day is answered out of the index.
         sa.Index(
-            "ix_drives_finished_at",
+            None,
             "finished_at",
             postgresql_include=["status", "distance_m"],
             **where("finished_at IS NOT NULL"),
         ),
-        sa.Index("ix_drives_duplicate_of", "duplicate_of", **where("duplicate_of IS NOT NULL")),
+        sa.Index(None, "duplicate_of", **where("duplicate_of IS NOT NULL")),
         # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
-        sa.Index("ix_drives_drive_time_created_at_id", "drive_time", "created_at", "id"),
-        sa.Index("ix_drives_distance_m_created_at_id", "distance_m", "created_at", "id"),
+        sa.Index(None, "drive_time", "created_at", "id"),
+        sa.Index(None, "distance_m", "created_at", "id"),
         sa.Index("ix_drives_name_created_at_id", sa.text(_NAME), "created_at", "id"),
         sa.Index("ix_drives_words", sa.text("file_words(filename)"), postgresql_using="gin"),
-        sa.Index(
-            "ix_drives_failure_kind_created_at_id",
-            "failure_kind",
-            "created_at",
-            "id",
-            **where("status = 'failed'"),
-        ),
+        sa.Index(None, "failure_kind", "created_at", "id", **where("status = 'failed'")),
     )
 
 
@@ -268,14 +262,13 @@ class DriveSegment(Estimate, Base):
     __tablename__ = "drive_segments"
 
     drive_id: Mapped[uuid.UUID] = mapped_column(goes_with("drives"), primary_key=True)
-    segment_id: Mapped[int] = mapped_column(goes_with("segments"), primary_key=True)
+    segment_id: Mapped[int] = mapped_column(goes_with("segments"), primary_key=True, index=True)
     provenance_id: Mapped[int] = mapped_column(goes_with("provenances"), index=True)
     in_network: Mapped[bool] = mapped_column(server_default=sa.text("false"))
     """The drive contributes factors: this is shown as its own estimate and not combined a second time."""
 
     __table_args__ = (
         sa.CheckConstraint("slope_sigma_percent > 0", name="sigma"),
-        sa.Index("ix_drive_segments_segment_id", "segment_id"),
         sa.Index("ix_drive_segments_slope_only", "segment_id", **where("NOT in_network")),
     )
 
@@ -328,6 +321,6 @@ class SegmentSlope(_Slope, Base):
 
     # What items are asked for and sorted by.
     __table_args__ = (
-        sa.Index("ix_segment_slopes_slope_percent", "slope_percent"),
-        sa.Index("ix_segment_slopes_steepest_percent", "steepest_percent"),
+        sa.Index(None, "slope_percent"),
+        sa.Index(None, "steepest_percent"),
     )

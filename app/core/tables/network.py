@@ -39,12 +39,7 @@ class DrivePass(Base):
 
     __table_args__ = (
         # Which drives were here at a moment is answered from the index alone, however many drives there are.
-        sa.Index(
-            "ix_drive_passes_segment_id_entered_s",
-            "segment_id",
-            "entered_s",
-            postgresql_include=["drive_id", "partition"],
-        ),
+        sa.Index(None, "segment_id", "entered_s", postgresql_include=["drive_id", "partition"]),
         # The recent passes over a segment, however many passes there are.
         sa.Index("ix_drive_passes_recent", "segment_id", **where("condensed_weight IS NULL")),
         {"postgresql_partition_by": "HASH (partition)"},
@@ -133,9 +128,7 @@ class Cell(Base):
     changed_xid: Mapped[int] = mapped_column(sa.BigInteger, server_default="0", index=True)
     """The transaction that raised either of the two last; a trigger writes it (``SegmentChange.xid``)."""
 
-    __table_args__ = (
-        sa.Index("ix_cells_unsettled_since", "unsettled_since", **where("unsettled_since IS NOT NULL")),
-    )
+    __table_args__ = (sa.Index(None, "unsettled_since", **where("unsettled_since IS NOT NULL")),)
 
 
 class NetworkMark(Numbered, Base):

@@ -52,7 +52,7 @@ class Export(RequestColumns, Base):
 
     __table_args__ = (
         *status_constraints("queued", "running", "done", "failed", "cancelled"),
-        sa.Index("ix_exports_created_at_id", "created_at", "id"),
+        sa.Index(None, "created_at", "id"),
     )
 
 
@@ -77,8 +77,8 @@ class Operation(RequestColumns, Base):
 
     __table_args__ = (
         *status_constraints("queued", "running", "planned", "done", "failed", "cancelled"),
-        sa.Index("ix_operations_created_at_id", "created_at", "id"),
-        sa.Index("ix_operations_status", "status"),
+        sa.Index(None, "created_at", "id"),
+        sa.Index(None, "status"),
     )
 
 
@@ -94,7 +94,7 @@ class AuditEntry(Numbered, Base):
     origin: Mapped[str]
     """Who it was, as far as the service can tell: address and program."""
 
-    __table_args__ = (sa.Index("ix_audit_log_at_id", "at", "id"),)
+    __table_args__ = (sa.Index(None, "at", "id"),)
 
 
 class DrivenByDay(Base):
@@ -133,7 +133,7 @@ class DriveTrial(RequestColumns, Base):
     __table_args__ = (
         *status_constraints(*TRIAL_STATUSES),
         sa.UniqueConstraint("drive_id", "asked_sha256"),
-        sa.Index("ix_drive_trials_finished_at", "finished_at"),
+        sa.Index(None, "finished_at"),
     )
 
 

@@ -61,9 +61,9 @@ class Way(Road, Base):
     steepest_to_m: Mapped[float | None]
 
     __table_args__ = (
-        sa.Index("ix_ways_osm_way_id", "osm_way_id"),
-        sa.Index("ix_ways_geom", "geom", postgresql_using="gist"),
-        sa.Index("ix_ways_geom_3857", "geom_3857", postgresql_using="gist"),
+        sa.Index(None, "osm_way_id"),
+        sa.Index(None, "geom", postgresql_using="gist"),
+        sa.Index(None, "geom_3857", postgresql_using="gist"),
     )
 
 
@@ -235,5 +235,5 @@ class WebhookDelivery(Base):
         sa.CheckConstraint("state IN ('waiting', 'taken', 'given up')", name="state"),
         sa.Index("ix_webhook_deliveries_waiting", "webhook_id", "due_at", **where("state = 'waiting'")),
         sa.Index("ix_webhook_deliveries_created_at", "webhook_id", "created_at"),
-        sa.Index("ix_webhook_deliveries_ended_at", "ended_at", **where("ended_at IS NOT NULL")),
+        sa.Index(None, "ended_at", **where("ended_at IS NOT NULL")),
     )

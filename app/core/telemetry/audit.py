@@ -25,18 +25,14 @@ MOST_KEPT = 100_000
 NAMES, PLACES = frozenset({"filename"}), frozenset({"bbox"})
 """Details that no row holds, and those of which it holds only that there were any."""
 
-_ADD = text(
-    """
+_ADD = text("""
     INSERT INTO audit_log (at, action, subject, detail, origin)
     VALUES (clock_timestamp(), :action, :subject, CAST(:detail AS jsonb), :origin)
-    """
-)
-_READ = text(
-    """
+""")
+_READ = text("""
     SELECT at, action, subject, detail, origin FROM audit_log
     WHERE at > now() - make_interval(days => CAST(:days AS integer)) ORDER BY at DESC, id DESC LIMIT :most
-    """
-)
+""")
 
 
 _PRUNE = text("DELETE FROM audit_log WHERE id <= (SELECT max(id) FROM audit_log) - CAST(:kept AS bigint)")

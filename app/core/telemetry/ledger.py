@@ -28,26 +28,21 @@ FOLD_FROM_ROWS = 20
 
 logger = logging.getLogger(__name__)
 
-_WRITE = text(
-    """
+_WRITE = text("""
     UPDATE process_totals SET totals = CAST(:totals AS jsonb), written_at = clock_timestamp() WHERE id = :id
     RETURNING id
-    """
-)
+""")
 _BEGIN = text(
     "INSERT INTO process_totals (id, process, totals) VALUES (:id, :process, CAST(:totals AS jsonb))"
 )
 
 # As decimal fractions: a sum of binary ones depends on its order, and a counter that falls by a rounding looks to
 # Prometheus as if it had begun anew.
-_SUMS = text(
-    """
+_SUMS = text("""
     SELECT of_it.key, CAST(sum(CAST(of_it.value AS numeric)) AS float8)
     FROM process_totals AS p, jsonb_each_text(p.totals) AS of_it GROUP BY of_it.key
-    """
-)
-_FOLD = text(
-    """
+""")
+_FOLD = text("""
     WITH ended AS MATERIALIZED (
         SELECT id FROM process_totals WHERE written_at < clock_timestamp() - make_interval(secs => :after_s)
         FOR UPDATE SKIP LOCKED
@@ -60,8 +55,7 @@ _FOLD = text(
     )
     INSERT INTO process_totals (id, process, totals)
     SELECT gen_random_uuid(), 'processes that have ended', jsonb_object_agg(key, total) FROM summed HAVING count(*) > 0
-    """
-)
+""")
 
 
 class Ledger:

@@ -23,7 +23,7 @@ DIGITS = 6
 """Of what is stored: sums of decimal fractions stay what they are, so that no counter ever falls by a rounding."""
 
 Totals = dict[str, float]
-"""By the name of a measure, its labels and the part of it, as ``_key`` writes them."""
+"""By the name of a measure, its labels and the part of it, as a list in JSON."""
 
 _SUM = "sum"
 _totals: Totals = defaultdict(float)
@@ -79,11 +79,7 @@ class Measure:
             raise ValueError(f"{self.name} has the labels {self.labels}")
         with _lock:
             for part, by in parts.items():
-                _totals[_key(self.name, values, part)] += by
-
-
-def _key(name: str, values: tuple[str, ...], part: str) -> str:
-    return json.dumps([name, *values, part])
+                _totals[json.dumps([self.name, *values, part])] += by
 
 
 def totals_now() -> Totals:

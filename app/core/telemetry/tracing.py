@@ -22,19 +22,31 @@ logger = logging.getLogger(__name__)
 
 
 class Span:
-    """A stretch of work in a trace; this class itself is of no trace, for where tracing is off."""
+    """A stretch of work in a trace, with the field names of the log; without ``made`` (tracing is off) in none."""
+
+    def __init__(self, made: Any = None) -> None:
+        self._made = made
 
     def name(self, name: str) -> None:
         """Rename it."""
+        if self._made is not None:
+            self._made.update_name(name)
 
     def note(self, **facts: object) -> None:
         """Ids and counts; what is None is left out."""
+        for name, value in facts.items():
+            if self._made is not None and value is not None:
+                plain = value if isinstance(value, bool | int | float | str) else str(value)
+                self._made.set_attribute(f"versant.{name}", plain)
 
     def failed(self, failed: bool = True) -> None:
         """Mark it as failed, unless ``failed`` is False."""
+        if self._made is not None and failed:
+            from opentelemetry.trace import StatusCode  # noqa: PLC0415
+
+            self._made.set_status(StatusCode.ERROR)
 
 
-_NO_SPAN = Span()
 _tracer: _Tracer | None = None
 
 
@@ -46,7 +58,7 @@ def span(
     ``server``: it answers somebody outside. An error that leaves the block marks it as failed, by its class alone.
     """
     if _tracer is None:
-        return nullcontext(_NO_SPAN)
+        return nullcontext(Span())
     return _tracer.span(name, server, parent, {**present_ids(), **facts})
 
 
@@ -110,7 +122,7 @@ class _Tracer:
         with self._tracer.start_as_current_span(
             name, context, kind, record_exception=False, set_status_on_exception=False
         ) as made:
-            reported = _OtelSpan(made)
+            reported = Span(made)
             reported.note(**facts)
             try:
                 yield reported
@@ -126,25 +138,3 @@ class _Tracer:
 
     def end(self) -> None:
         self._provider.shutdown()
-
-
-class _OtelSpan(Span):
-    """A span of OpenTelemetry, with the field names of the log."""
-
-    def __init__(self, span: Any) -> None:
-        self._span = span
-
-    def name(self, name: str) -> None:
-        self._span.update_name(name)
-
-    def note(self, **facts: object) -> None:
-        for name, value in facts.items():
-            if value is not None:
-                plain = value if isinstance(value, bool | int | float | str) else str(value)
-                self._span.set_attribute(f"versant.{name}", plain)
-
-    def failed(self, failed: bool = True) -> None:
-        from opentelemetry.trace import StatusCode  # noqa: PLC0415
-
-        if failed:
-            self._span.set_status(StatusCode.ERROR)

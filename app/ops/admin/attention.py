@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from sqlalchemy import TextClause, text
@@ -25,23 +26,19 @@ FAULTS = frozenset(
 )
 """Kinds of failures that are the service's own, or its machine's; others are the log's."""
 
-_FAILED = text(
-    """
+_FAILED = text("""
     SELECT failure_kind AS kind, CAST(sum(drives) AS bigint) AS drives FROM drive_counts
     WHERE status = 'failed' AND day > CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
     GROUP BY failure_kind HAVING sum(drives) > 0 ORDER BY 2 DESC, 1
-    """
-)
+""")
 
 
 def _drives_since(moment: str, condition: str) -> TextClause:
     """How many drives have been in a state for longer than ``age_s``, and for how long the first of them."""
-    return text(
-        f"""
+    return text(f"""
         SELECT count(*), extract(epoch FROM clock_timestamp() - min({moment})) FROM drives
         WHERE {condition} AND {moment} < clock_timestamp() - make_interval(secs => :age_s)
-        """  # noqa: S608 - constants
-    )
+    """)  # noqa: S608 - constants
 
 
 # What runs and what is removed are few, and have an index by status; what waits has one of its own. Drives of batches
@@ -49,28 +46,22 @@ def _drives_since(moment: str, condition: str) -> TextClause:
 _STUCK = _drives_since("started_at", "status = 'running'")
 _REMOVALS = _drives_since("finished_at", "status = 'cancelled'")
 _WAITING = _drives_since("queued_at", "status = 'queued' AND batch_id IS NULL")
-_UNSOLVED = text(
-    """
+_UNSOLVED = text("""
     SELECT count(DISTINCT cell), extract(epoch FROM clock_timestamp() - min(made_at)) FROM network_marks
     WHERE tries > :patience
-    """
-)
-_WEBHOOKS = text(
-    """
+""")
+_WEBHOOKS = text("""
     SELECT count(*), extract(epoch FROM clock_timestamp() - min(failing_since)) FROM webhooks
     WHERE NOT active AND off_reason IS NOT NULL
-    """
-)
-_OPERATIONS = text(
-    """
+""")
+_OPERATIONS = text("""
     SELECT status, count(*) AS operations, extract(epoch FROM clock_timestamp() - min(coalesce(planned_at, created_at)))
         AS oldest_s
     FROM operations
     WHERE status = 'planned'
         OR status = 'failed' AND finished_at > now() - make_interval(days => CAST(:days AS integer))
     GROUP BY status ORDER BY status DESC
-    """
-)
+""")
 
 
 def attention(session: Session, free_bytes: int | None, least_bytes: int) -> list[dict[str, Any]]:
@@ -123,20 +114,28 @@ def _room(free_bytes: int | None, least_bytes: int) -> list[dict[str, Any]]:
     ]
 
 
+def _counted(
+    session: Session,
+    statement: TextClause,
+    kind: str,
+    what: str,
+    link: str,
+    act_after_s: float = math.inf,
+    **values: float,
+) -> list[dict[str, Any]]:
+    """A row where the statement counts any; a person has to act once the first of them is as old as that."""
+    count, oldest_s = session.execute(statement, values).one()
+    act = max(0.0, float(oldest_s or 0.0)) >= act_after_s
+    return [_row(kind, act, what, link, count, oldest_s)] if count else []
+
+
 def _waits(session: Session) -> list[dict[str, Any]]:
-    rows = []
-    count, oldest_s = session.execute(_STUCK, {"age_s": STUCK_S}).one()
-    if count:
-        what = "Drives have been running for more than an hour. The log of the workers says why."
-        rows.append(_row("stuck", True, what, "/drives?status=running", count, oldest_s))
-    count, oldest_s = session.execute(_WAITING, {"age_s": WAIT_LOOK_S}).one()
-    if count:
-        what = "Uploads have waited for more than ten minutes. More workers, or faster ones, would help."
-        rows.append(_row("wait", oldest_s > WAIT_ACT_S, what, "/drives?status=queued", count, oldest_s))
-    count, oldest_s = session.execute(_REMOVALS, {"age_s": REMOVAL_S}).one()
-    if count:
-        what = "Removed drives are not gone after a quarter of an hour: their cells wait to be solved."
-        rows.append(_row("removal", False, what, "/v1/admin/queue", count, oldest_s))
+    what = "Drives have been running for more than an hour. The log of the workers says why."
+    rows = _counted(session, _STUCK, "stuck", what, "/drives?status=running", 0.0, age_s=STUCK_S)
+    what = "Uploads have waited for more than ten minutes. More workers, or faster ones, would help."
+    rows += _counted(session, _WAITING, "wait", what, "/drives?status=queued", WAIT_ACT_S, age_s=WAIT_LOOK_S)
+    what = "Removed drives are not gone after a quarter of an hour: their cells wait to be solved."
+    rows += _counted(session, _REMOVALS, "removal", what, "/v1/admin/queue", age_s=REMOVAL_S)
     behind_s = store.behind(session).behind_s
     if behind_s is not None and behind_s > BEHIND_S:
         what = "Ways and low zooms are behind what was measured."
@@ -145,11 +144,8 @@ def _waits(session: Session) -> list[dict[str, Any]]:
 
 
 def _cells(session: Session) -> list[dict[str, Any]]:
-    count, oldest_s = session.execute(_UNSOLVED, {"patience": PATIENCE}).one()
-    if not count:
-        return []
     what = "Cells of the map cannot be solved, so slopes there are not published. The list says what to do."
-    return [_row("cell", True, what, "/v1/admin/stats", count, oldest_s)]
+    return _counted(session, _UNSOLVED, "cell", what, "/v1/admin/stats", 0.0, patience=PATIENCE)
 
 
 def _failed(session: Session) -> list[dict[str, Any]]:
@@ -170,8 +166,5 @@ def _operations(session: Session) -> list[dict[str, Any]]:
     for status, count, oldest_s in session.execute(_OPERATIONS, {"days": FAILED_DAYS}):
         act, what = texts[status]
         rows.append(_row(f"operation-{status}", act, what, "/v1/operations", count, oldest_s))
-    count, oldest_s = session.execute(_WEBHOOKS).one()
-    if count:
-        what = "Webhooks were switched off because their receivers did not answer."
-        rows.append(_row("webhook", False, what, "/v1/webhooks", count, oldest_s))
-    return rows
+    what = "Webhooks were switched off because their receivers did not answer."
+    return rows + _counted(session, _WEBHOOKS, "webhook", what, "/v1/webhooks")

@@ -16,12 +16,12 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.core.errors import NotFoundError
-from app.core.http import BaseUrl, Link, ServiceDep, json_answer, link, preferred, problems
+from app.core.http import JSON, BaseUrl, Link, ServiceDep, json_answer, link, preferred, problems, text_answer
 from app.core.text import utc_text
 from app.ops.admin.queries import QUERIES, AdminQuery
 from app.ops.admin.store import Parameters
 
-JSON, CSV = "application/json", "text/csv"
+CSV = "text/csv"
 DIGITS = 6
 
 
@@ -57,6 +57,9 @@ ANSWER_EXAMPLE: dict[str, Any] = {
     "rows": [{"kind": "drive, running", "jobs": 2, "oldest_s": 1.25}],
 }
 
+ANSWER = json_answer("Rows with the query's columns.", ANSWER_EXAMPLE)
+ANSWER["content"] |= text_answer(CSV, "", "kind,jobs,oldest_s\n")["content"]
+
 router = APIRouter(prefix="/v1/admin", tags=["operation"])
 
 
@@ -85,16 +88,7 @@ def queries(base: BaseUrl) -> QueryList:
     "/{name}",
     summary="One query for operators",
     response_class=Response,
-    responses={
-        200: {
-            **json_answer("Rows with the query's columns.", ANSWER_EXAMPLE),
-            "content": {
-                **json_answer("", ANSWER_EXAMPLE)["content"],
-                CSV: {"schema": {"type": "string"}, "example": "kind,jobs,oldest_s\n"},
-            },
-        },
-        **problems(404, 422, 503),
-    },
+    responses={200: ANSWER, **problems(404, 422, 503)},
 )
 def query(
     request: Request,
@@ -118,11 +112,8 @@ def query(
         answered, made_at = chosen.read(session, Parameters(days, *room))
     rows = [{column: _plain(row.get(column)) for column in chosen.columns} for row in answered]
     as_of = made_at or now
-    media_type = (
-        {"json": JSON, "csv": CSV}.get(f or "")
-        or preferred(request.headers.get("accept"), (JSON, CSV))
-        or JSON
-    )
+    accepted = preferred(request.headers.get("accept"), (JSON, CSV))
+    media_type = {"json": JSON, "csv": CSV}.get(f or "") or accepted or JSON
     headers = {"Cache-Control": "no-store", "Vary": "Accept"}
     if media_type == CSV:
         return Response(

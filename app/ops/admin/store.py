@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from app.core.schema import schema_state
 from app.core.version import code_version
+from app.roads.store import current_road_version
 
 LATEST_DRIVES = 5000
 """Of how many drives the times are told: the latest."""
@@ -54,19 +55,16 @@ def _by(query: str) -> Read:
     return read
 
 
-drives_by_day = _by(
-    """
+drives_by_day = _by("""
     SELECT day, status, CAST(sum(drives) AS bigint) AS drives, greatest(sum(distance_m), 0) / 1000 AS km,
            CAST(sum(size_bytes) AS bigint) AS uploaded_bytes
     FROM drive_counts WHERE day > CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
     GROUP BY day, status HAVING sum(drives) > 0 ORDER BY day DESC, status
-    """
-)
+""")
 """Drives by day of the upload and status."""
 
 # The reason of one of them, by the index on status and upload: the latest that failed so.
-failures = _by(
-    """
+failures = _by("""
     SELECT f.kind, f.drives, f.drives / nullif(f.uploaded, 0) AS share, d.failure_reason AS latest_reason,
            d.created_at AS latest_at, d.id AS latest_drive
     FROM (SELECT failure_kind AS kind, CAST(sum(drives) AS bigint) AS drives,
@@ -81,13 +79,11 @@ failures = _by(
             ORDER BY created_at DESC, id DESC LIMIT :latest) AS late
         WHERE late.failure_kind IS NOT DISTINCT FROM f.kind ORDER BY created_at DESC LIMIT 1) AS d ON true
     ORDER BY f.drives DESC, f.kind
-    """
-)
+""")
 """Failed drives by reason."""
 
 # Waiting, computing, publishing: the three things that a drive's time goes into.
-times = _by(
-    """
+times = _by("""
     SELECT method, count(*) AS drives,
            percentile_cont(0.5) WITHIN GROUP (ORDER BY waited) AS waited_p50_s,
            percentile_cont(0.95) WITHIN GROUP (ORDER BY waited) AS waited_p95_s,
@@ -101,13 +97,11 @@ times = _by(
                  extract(epoch FROM finished_at - computed_at) AS published, distance_m / 1000 AS km
           FROM drives WHERE status = 'done' ORDER BY created_at DESC, id DESC LIMIT :latest) AS late
     GROUP BY method ORDER BY drives DESC, method
-    """
-)
+""")
 """What drives' time went into, by method."""
 
 # Through the queue's own indexes; what runs is few.
-queue = _by(
-    """
+queue = _by("""
     SELECT kind, count(*) AS jobs, extract(epoch FROM clock_timestamp() - min(since)) AS oldest_s FROM (
         SELECT 'drive, uploaded or asked for' AS kind, d.queued_at AS since FROM drives AS d
         WHERE d.status = 'queued' AND d.batch_id IS NULL
@@ -118,13 +112,11 @@ queue = _by(
         UNION ALL SELECT 'cell to be solved', made_at FROM (
             SELECT cell, min(made_at) AS made_at FROM network_marks GROUP BY cell) AS m) AS waiting
     GROUP BY kind ORDER BY kind
-    """
-)
+""")
 """What waits and what runs."""
 
 # Counts by the index on the end, which holds all that they need; medians of the latest drives of each bucket alone.
-throughput = _by(
-    """
+throughput = _by("""
     WITH counted AS (
         SELECT date_trunc(:unit, finished_at, 'UTC') AS at, count(*) FILTER (WHERE status = 'done') AS done,
                count(*) FILTER (WHERE status = 'failed') AS failed,
@@ -149,21 +141,17 @@ throughput = _by(
               WHERE status = 'done') AS each) AS m
     WHERE c.done + c.failed > 0
     ORDER BY c.at
-    """
-)
+""")
 """What ended in each hour, or, of more than ``HOURLY_DAYS`` days, on each day, by the clock of UTC."""
 
-_logs = _by(
-    """
+_logs = _by("""
     SELECT 'uploaded logs' AS name, CAST(coalesce(sum(drives), 0) AS bigint) AS rows_about,
            CAST(coalesce(sum(size_bytes), 0) AS bigint) AS table_bytes, 0 AS index_bytes
     FROM drive_counts
-    """
-)
+""")
 
 # Parts of a partitioned table count as that; the table of a queue is the queue's.
-_tables = _by(
-    """
+_tables = _by("""
     SELECT coalesce(p.relname, c.relname) AS name, CAST(sum(greatest(c.reltuples, 0)) AS bigint) AS rows_about,
            CAST(sum(pg_table_size(c.oid)) AS bigint) AS table_bytes,
            CAST(sum(pg_indexes_size(c.oid)) AS bigint) AS index_bytes
@@ -171,11 +159,9 @@ _tables = _by(
     LEFT JOIN pg_inherits AS i ON i.inhrelid = c.oid LEFT JOIN pg_class AS p ON p.oid = i.inhparent
     WHERE c.relkind = 'r' AND n.nspname = current_schema()
     GROUP BY 1 ORDER BY sum(pg_total_relation_size(c.oid)) DESC, 1
-    """
-)
+""")
 
 _SERVER = text("SELECT current_setting('server_version'), postgis_lib_version()")
-_ROADS = text("SELECT id, region, source_name, imported_at FROM road_versions ORDER BY id DESC LIMIT 1")
 _ELEVATION = text(
     "SELECT id, datum, imported_at, jsonb_array_length(sources) AS rasters FROM dem_versions WHERE active"
 )
@@ -191,7 +177,7 @@ def versions(session: Session, _parameters: Parameters) -> Rows:
     """Of the program, the schema, the server, roads and elevation: ``what``, ``version``, ``detail``."""
     state = schema_state(session)
     server, postgis = session.execute(_SERVER).one()
-    roads = session.execute(_ROADS).one_or_none()
+    roads = current_road_version(session)
     elevation = session.execute(_ELEVATION).one_or_none()
     shown = (
         ("code", code_version(), None),

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from app.cli import app
 from app.core.db import Sessions
-from app.roads import imports as roads
 from fusion.roads.table import RoadTable
+from road_support import replace_roads
 
 runner = CliRunner()
 
@@ -40,7 +40,7 @@ def service(
     monkeypatch.setenv("VERSANT_DATABASE_URL", database_url)
     monkeypatch.setenv("VERSANT_DATA_DIR", str(tmp_path / "data"))
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(), "x", "0" * 64)
+        replace_roads(session, chain(), "x", "0" * 64)
         session.execute(text("INSERT INTO segment_slopes (segment_id, slope_percent, slope_sigma_percent, drives, "
                              "observations) SELECT min(id), 1, 1, 1, 1 FROM segments"))  # fmt: skip
     return sessions

@@ -13,10 +13,10 @@ from app.cli import app
 from app.core.db import Sessions, make_engine, session_factory
 from app.map.picture import slope_map
 from app.network import extracts as road_store
-from app.roads import imports as roads
 from fusion.simulate.demonstration import write_all
 from fusion.simulate.scene.town import Town
 from network_support import drive_over
+from road_support import replace_roads
 
 runner = CliRunner()
 
@@ -28,7 +28,7 @@ def empty(database_url: str, monkeypatch: pytest.MonkeyPatch, town: Town) -> Ite
     engine = make_engine(database_url)
     factory = session_factory(engine)
     with factory.begin() as session:
-        roads.replace_roads(session, town.roads, "town.osm", "0" * 64)
+        replace_roads(session, town.roads, "town.osm", "0" * 64)
     yield factory
     engine.dispose()
 

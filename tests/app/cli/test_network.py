@@ -14,10 +14,10 @@ from typer.testing import CliRunner, Result
 from app.cli import app
 from app.core.db import Sessions, make_engine, session_factory
 from app.network import extracts as road_store
-from app.roads import imports as roads
 from fusion.simulate.demonstration import write_all
 from fusion.simulate.scene.town import Town
 from network_support import assert_same, drive_over, rows_of
+from road_support import replace_roads
 
 runner = CliRunner()
 
@@ -29,7 +29,7 @@ def sessions(database_url: str, monkeypatch: pytest.MonkeyPatch, town: Town) -> 
     engine = make_engine(database_url)
     factory = session_factory(engine)
     with factory.begin() as session:
-        roads.replace_roads(session, town.roads, "town.osm", "0" * 64)
+        replace_roads(session, town.roads, "town.osm", "0" * 64)
         table, ids = road_store.all_roads(session)
     drive_over(factory, table, ids, {row: (2.0, 0.5) for row in range(0, 60) if row % 4})
     yield factory

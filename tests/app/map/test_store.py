@@ -16,9 +16,9 @@ from app.core.db import Sessions
 from app.map import store
 from app.map.tiles import store as tiles
 from app.network import extracts as road_store
-from app.roads import imports as roads
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
+from road_support import replace_roads
 
 EARTH_M = 40_075_016.685578488
 AT_Z14 = (14, 8579, 5612)  # holds 8.51 E, 49.0 N
@@ -56,7 +56,7 @@ def test_a_segment_that_is_shorter_than_the_grid_is_fine_is_in_its_tile(
     k = np.arange(50)
     short = chain(50, lon0_deg=8.5 + 5e-6 * k, lon1_deg=8.5 + 5e-6 * (k + 1))
     with sessions.begin() as session:
-        roads.replace_roads(session, short, "short.osm", "0" * 64)
+        replace_roads(session, short, "short.osm", "0" * 64)
     with sessions() as session:
         ids = [int(i) for i in road_store.all_roads(session)[1]]
         for zoom in (13, 14, 18):
@@ -108,7 +108,7 @@ def test_a_line_just_outside_is_in_the_buffer(
         2, lon0_deg=edge_lon - west, lon1_deg=edge_lon - west, lat0_deg=[48.9999] * 2, lat1_deg=[49.0] * 2
     )
     with sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
+        replace_roads(session, table, "x", "0" * 64)
         frame = read(tiles.mvt(session, z, x, y), z, x, y)
         near = next(store.all_segments(session))
         assert store.geojson_tile(session, z, x, y) == []
@@ -157,7 +157,7 @@ def test_far_out_only_driven_or_major_roads_are_shown(
 ) -> None:
     classes = ["motorway", "primary", "tertiary", "residential", "track"]
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(5, highway=classes), "x", "0" * 64)
+        replace_roads(session, chain(5, highway=classes), "x", "0" * 64)
         ids = road_store.all_roads(session)[1]
     add_drive(ids, {4: (1.0, 1.0)})
     tile = tile_of(8.5025, 49.0, zoom)

@@ -13,7 +13,6 @@ from sqlalchemy import text
 from app.core.db import Sessions, fetch_binary
 from app.network import condensed, passes, settle, solve, swap
 from app.network.cells import partitions_around
-from app.roads import imports as roads
 from condensed_support import TINY, assert_sums_hold, ten_drives
 from factor_support import street
 from fusion.roads.table import RoadTable
@@ -30,6 +29,7 @@ from network_support import (
     publish,
     rows_of,
 )
+from road_support import replace_roads
 
 Chain = Callable[..., RoadTable]
 Driven = tuple[RoadTable, Ints]
@@ -70,9 +70,9 @@ def plan_of(sessions: Sessions, query: str, values: dict[str, object]) -> str:
         )
 
 
-def old_pass(drive: int, day: float, number: int) -> condensed.OldPass:
+def old_pass(drive: int, day: float, number: int) -> condensed.StoredPass:
     factor, _ = pass_over(street(80.0), 0, 2.0, 0.5, begin_s=86_400.0 * day)
-    return condensed.OldPass(number, uuid.UUID(int=drive), factor, 1.0)
+    return condensed.StoredPass(number, uuid.UUID(int=drive), True, factor)
 
 
 @pytest.mark.usefixtures("tiny")
@@ -269,7 +269,7 @@ def test_a_segment_that_moves_or_goes_loses_condensed_passes_and_the_others_keep
     lon1[1] += 15.0
     with sessions.begin() as session:
         other = replace(table, lon0_deg=lon0, lon1_deg=lon1).subset(keep)
-        roads.replace_roads(session, other, "x", "1" * 64)
+        replace_roads(session, other, "x", "1" * 64)
     swap.solve_all_marked(sessions)
     left = set(segment_ids[[0, 2, 4, 5]].tolist())
     assert assert_sums_hold(sessions).keys() == left

@@ -132,7 +132,7 @@ def test_any_history_of_condensing_ends_near_what_all_passes_say(
 @pytest.fixture
 def about_to_sum(
     sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[tuple[list[uuid.UUID], list[condensed.OldPass]]]:
+) -> Iterator[tuple[list[uuid.UUID], list[condensed.StoredPass]]]:
     """Ten drives over a street that a solver is about to condense, and which of their passes."""
     with monkeypatch.context() as patch:
         patch.setattr(condensed, "RECENT_PASSES", 100)
@@ -146,7 +146,7 @@ def about_to_sum(
 
 
 def sum_them(
-    sessions: Sessions, old: list[condensed.OldPass], meanwhile: Callable[[], None] = lambda: None
+    sessions: Sessions, old: list[condensed.StoredPass], meanwhile: Callable[[], None] = lambda: None
 ) -> None:
     with sessions.begin() as session:
         made = condensed.condensed_by_drive(session, old)
@@ -156,7 +156,7 @@ def sum_them(
 
 
 def test_a_drive_that_goes_while_it_is_condensed_is_subtracted(
-    sessions: Sessions, about_to_sum: tuple[list[uuid.UUID], list[condensed.OldPass]]
+    sessions: Sessions, about_to_sum: tuple[list[uuid.UUID], list[condensed.StoredPass]]
 ) -> None:
     """The removal waits for the end of the short transaction, and sees what it wrote."""
     made, old = about_to_sum
@@ -177,7 +177,7 @@ def test_a_drive_that_goes_while_it_is_condensed_is_subtracted(
 
 
 def test_a_drive_that_is_going_is_not_condensed(
-    sessions: Sessions, about_to_sum: tuple[list[uuid.UUID], list[condensed.OldPass]]
+    sessions: Sessions, about_to_sum: tuple[list[uuid.UUID], list[condensed.StoredPass]]
 ) -> None:
     """Nobody waits for it: the others are condensed."""
     made, old = about_to_sum
@@ -191,7 +191,7 @@ def test_a_drive_that_is_going_is_not_condensed(
 
 
 def test_a_pass_is_condensed_once(
-    sessions: Sessions, about_to_sum: tuple[list[uuid.UUID], list[condensed.OldPass]]
+    sessions: Sessions, about_to_sum: tuple[list[uuid.UUID], list[condensed.StoredPass]]
 ) -> None:
     _, old = about_to_sum
     for _ in range(2):

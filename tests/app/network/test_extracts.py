@@ -16,11 +16,11 @@ from app.core.db import Sessions, fetch_binary, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
 from app.network import extracts, solve
 from app.network.extracts import Roads, roads_in
-from app.roads.imports import replace_roads
 from app.roads.store import road_version_id
 from fusion.roads.table import RoadTable, boxes_along, rows_of
 from fusion.simulate.scene.town import Town
 from fusion.types import Floats
+from road_support import replace_roads
 
 Chain = Callable[..., RoadTable]
 

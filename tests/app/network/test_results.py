@@ -19,12 +19,12 @@ from app.map import store as map_store
 from app.network import results as slopes
 from app.network.marks import MarkedBy
 from app.network.swap import solve_all_marked
-from app.roads import imports as roads
 from app.roads import store as road_store
 from fusion.network.combine import combine
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import delete
+from road_support import replace_roads
 
 AddDrive = Callable[..., uuid.UUID]
 Estimates = dict[int, tuple[float, float]]
@@ -143,7 +143,7 @@ def test_a_diagonal_segment_is_outside_a_box_that_it_passes_by(
 ) -> None:
     table = chain(1, lon0_deg=[8.0], lat0_deg=[48.0], lon1_deg=[8.1], lat1_deg=[48.1])
     with sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
+        replace_roads(session, table, "x", "0" * 64)
         assert list(map_store.all_segments(session, bbox=(8.06, 48.0, 8.1, 48.04))) == []
         assert len(list(map_store.all_segments(session, bbox=(8.04, 48.0, 8.1, 48.06)))) == 1
 
@@ -157,7 +157,7 @@ def test_a_box_across_the_antimeridian(sessions: Sessions, chain: Callable[..., 
         lat1_deg=[-17.0] * 3,
     )
     with sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
+        replace_roads(session, table, "x", "0" * 64)
         found = list(map_store.all_segments(session, bbox=(179.0, -18.0, -179.0, -16.0)))
     assert [row.from_node for row in found] == [100, 101]
 

@@ -13,7 +13,6 @@ from app.core.db import Sessions
 from app.map import store as segments
 from app.network import extracts as road_store
 from app.network.settle import settle_network
-from app.roads import imports as roads
 from fusion.network.combine import combine
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
@@ -32,6 +31,7 @@ from network_support import (
     rows_of,
     walks,
 )
+from road_support import replace_roads
 
 AddDrive = Callable[..., uuid.UUID]
 Driven = tuple[RoadTable, Ints]
@@ -119,7 +119,7 @@ def test_a_change_is_followed_as_far_as_it_reaches(
 ) -> None:
     """Where little is known of smooth roads, a good drive tells something of those beyond the usual radius."""
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(40), "x", "0" * 64)
+        replace_roads(session, chain(40), "x", "0" * 64)
         table, ids = road_store.all_roads(session)
     for slope, sigma, driven in ((2.0, 8.0, 40), (5.0, 0.1, 1)):
         before = rows_of(sessions)

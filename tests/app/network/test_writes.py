@@ -18,7 +18,6 @@ from app.core.db import Sessions
 from app.embedded.cluster import EmbeddedPostgres
 from app.network import cells, marks, swap
 from app.network.settle import settle_network
-from app.roads import imports as roads
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
@@ -36,6 +35,7 @@ from network_support import (
     rows_of,
     walks,
 )
+from road_support import replace_roads
 
 Driven = tuple[RoadTable, Ints]
 
@@ -223,7 +223,7 @@ def test_a_version_rises_where_something_changed_and_only_there(
         other = replace(
             table, name=np.array(["Weg" if i < 8 else name for i, name in enumerate(table.name)], object)
         )
-        roads.replace_roads(session, other, "x", "1" * 64)
+        replace_roads(session, other, "x", "1" * 64)
     assert changed(seen) == {"here", "here from afar", "both"}
 
 

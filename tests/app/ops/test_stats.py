@@ -14,9 +14,9 @@ from app.drives import claims
 from app.drives import store as drives
 from app.network import extracts as road_store
 from app.ops import metrics, stats, store
-from app.roads import imports as roads
 from fusion.roads.table import RoadTable
 from many_drives import execute, make_drives
+from road_support import replace_roads
 
 
 def test_an_empty_service_counts_nothing(sessions: Sessions) -> None:
@@ -35,7 +35,7 @@ def test_figures_of_a_busy_service(
 ) -> None:
     table = chain(4, highway=["primary", "primary", "track", "track"])
     with sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
+        replace_roads(session, table, "x", "0" * 64)
         ids = road_store.all_roads(session)[1]
     add_drive(ids, {0: (1.0, 1.0), 2: (1.0, 1.0)})
     add_drive(ids, {0: (1.0, 1.0)})
@@ -88,7 +88,7 @@ def test_figures_of_drives_and_roads_read_no_whole_table(
 ) -> None:
     """All but the two sums over published slopes."""
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(40), "x", "0" * 64)
+        replace_roads(session, chain(40), "x", "0" * 64)
     make_drives(sessions, 100)
     monkeypatch.setattr(store, "segments_driven", lambda session: 0)
     monkeypatch.setattr(store, "driven_km_by_highway", lambda session: {})
@@ -114,7 +114,7 @@ def test_the_length_of_roads_that_no_import_noted_is_summed(
     """An import by the former code, while an update comes in, leaves it open."""
     table = chain(4)
     with sessions.begin() as session:
-        roads.replace_roads(session, table, "x", "0" * 64)
+        replace_roads(session, table, "x", "0" * 64)
         assert session.execute(text("SELECT length_m FROM road_versions")).scalar_one() == pytest.approx(
             table.length_m.sum()
         )

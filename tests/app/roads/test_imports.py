@@ -18,12 +18,12 @@ from sqlalchemy import text
 from app.core.db import Sessions
 from app.map import store as map_store
 from app.network import cells, extracts, locks
-from app.roads import imports as roads
 from app.roads import store as road_store
 from app.roads.documents import ImportCounts
 from fusion.roads.table import RoadTable
 from fusion.simulate.scene.town import Town
 from fusion.types import Ints
+from road_support import replace_roads
 
 Chain = Callable[..., RoadTable]
 AddDrive = Callable[..., uuid.UUID]
@@ -31,7 +31,7 @@ AddDrive = Callable[..., uuid.UUID]
 
 def imported(sessions: Sessions, table: RoadTable, name: str = "map.osm") -> ImportCounts:
     with sessions.begin() as session:
-        return roads.replace_roads(session, table, name, "a" * 64)
+        return replace_roads(session, table, name, "a" * 64)
 
 
 def assert_equal(left: RoadTable, right: RoadTable) -> None:
@@ -143,7 +143,7 @@ def test_an_import_that_fails_changes_nothing(sessions: Sessions, chain: Chain, 
     with sessions() as session:
         before = list(map_store.all_segments(session)), cells.data_version(session)
     with pytest.raises(RuntimeError, match="stop"), sessions.begin() as session:
-        roads.replace_roads(session, chain(3, lat=48.0), "x", "b" * 64, fail)
+        replace_roads(session, chain(3, lat=48.0), "x", "b" * 64, fail)
     with sessions() as session:
         assert (list(map_store.all_segments(session)), cells.data_version(session)) == before
 
@@ -181,7 +181,7 @@ def test_the_slope_of_the_elevation_model_is_stored(sessions: Sessions, chain: C
     table = chain(4)
     for slope in ([1.5, np.nan, -2.0, 0.0], [np.nan, 3.0, -2.0, 0.0]):
         with sessions.begin() as session:
-            counts = roads.replace_roads(session, table, "x", "c" * 64, dem_slope_percent=np.array(slope))
+            counts = replace_roads(session, table, "x", "c" * 64, dem_slope_percent=np.array(slope))
         with sessions() as session:
             stored = [row.dem_slope_percent for row in map_store.all_segments(session)]
         assert stored == [None if np.isnan(v) else v for v in slope]
@@ -209,7 +209,7 @@ def test_an_import_waits_for_writers_of_estimates(
 def test_progress_is_told_in_order(sessions: Sessions, chain: Chain) -> None:
     told: list[tuple[str, float]] = []
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(), "x", "d" * 64, lambda stage, share: told.append((stage, share)))
+        replace_roads(session, chain(), "x", "d" * 64, lambda stage, share: told.append((stage, share)))
     assert list(dict.fromkeys(stage for stage, _ in told)) == [
         "copying", "adding"
     ]  # fmt: skip

@@ -21,6 +21,7 @@ from app.roads.documents import ImportCounts, Source, Wishes
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import assert_same, drive_over, new_drive, passes_of, publish, rows_of
+from road_support import replace_roads
 
 Chain = Callable[..., RoadTable]
 AddDrive = Callable[..., uuid.UUID]
@@ -28,7 +29,7 @@ AddDrive = Callable[..., uuid.UUID]
 
 def imported(sessions: Sessions, table: RoadTable) -> ImportCounts:
     with sessions.begin() as session:
-        counts = roads.replace_roads(session, table, "again.osm", "a" * 64)
+        counts = replace_roads(session, table, "again.osm", "a" * 64)
     solve_all_marked(sessions)
     return counts
 
@@ -81,7 +82,7 @@ def test_ways_that_are_turned_round_or_renumbered_keep_what_was_measured(
         osm_way_id=np.where(k < 8, 7, 9), from_node=101 + k, to_node=100 + k, lon0_deg=lon1, lon1_deg=lon0
     )
     with sessions.begin() as session:
-        assert roads.replace_roads(session, turned, "x", "0" * 64) == ImportCounts("roads", reversed=10)
+        assert replace_roads(session, turned, "x", "0" * 64) == ImportCounts("roads", reversed=10)
     mirrored = {segment: (-slope, *rest) for segment, (slope, *rest) in before.items()}
     assert {segment: (slope, *rest) for segment, (slope, *rest) in rows_of(sessions).items()} == mirrored
     assert heights_of(sessions) == {segment: (b, a) for segment, (a, b) in heights.items()}
@@ -91,7 +92,7 @@ def test_ways_that_are_turned_round_or_renumbered_keep_what_was_measured(
         assert counts == list(mirrored[segment][2:])
     assert len(passes(sessions)) == 4
     with sessions.begin() as session:
-        counts_again = roads.replace_roads(session, chain(way=99), "x", "0" * 64)
+        counts_again = replace_roads(session, chain(way=99), "x", "0" * 64)
     assert counts_again == ImportCounts("roads", reversed=10)
     settle_network(sessions)
     assert_same(rows_of(sessions), before)

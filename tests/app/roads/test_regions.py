@@ -72,7 +72,7 @@ def test_roads_of_two_regions_are_there_once_and_stay_while_either_has_them(
     assert remove_region(sessions, "east", Path("nowhere"), wishes=Wishes(accept_losses=True)).dropped == 5
     assert {key[1] for key in stored(sessions)} == {100, 101}
     with sessions() as session:
-        assert store.region_names(session) == ["west"]
+        assert [one.name for one in store.all_regions(session)] == ["west"]
         with pytest.raises(RoadsError, match=r"no region 'east'\. There are: west\."):
             store.known_region(session, "east")
 

@@ -26,6 +26,7 @@ from app.terrain import coverage, files, heights, imports
 from app.terrain.store import DemSource, current_dem, pending_heights
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable
+from road_support import replace_roads
 
 POST_DEG = 1 / 1200
 
@@ -46,7 +47,7 @@ def plane(path: Path, west: float, east: float, rise_m: float, datum: int = 4326
 def chain_in_db(sessions: Sessions, chain: Callable[..., RoadTable]) -> RoadTable:
     """Ten segments from 8.500 to 8.510 E at 49 N."""
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(), "x", "0" * 64)
+        replace_roads(session, chain(), "x", "0" * 64)
     return chain()
 
 
@@ -214,7 +215,7 @@ def test_roads_that_come_meanwhile_have_the_heights_of_the_new_set(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(), "x", "0" * 64)
+        replace_roads(session, chain(), "x", "0" * 64)
     terrain_under = heights.terrain_under
     others = chain(4, lon=8.512, way=9)
 
@@ -222,7 +223,7 @@ def test_roads_that_come_meanwhile_have_the_heights_of_the_new_set(
         monkeypatch.setattr(heights, "terrain_under", terrain_under)
         with sessions.begin() as session:
             own_network(session)
-            roads.replace_roads(session, others, "y", "1" * 64)
+            replace_roads(session, others, "y", "1" * 64)
         return terrain_under(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(heights, "terrain_under", roads_change)

@@ -15,7 +15,6 @@ from affine import Affine
 from app.core.db import Sessions
 from app.map import store as map_store
 from app.network import cells
-from app.roads import imports as roads
 from app.terrain import files, heights
 from app.terrain import imports as dem
 from app.terrain import store as dem_store
@@ -23,6 +22,7 @@ from app.terrain.files import Limits
 from app.terrain.store import DemSet, current_dem
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable
+from road_support import replace_roads
 
 STEP_DEG = 1 / 1200
 
@@ -51,7 +51,7 @@ def stored_slopes(sessions: Sessions) -> list[float | None]:
 def chain_in_db(sessions: Sessions, chain: Callable[..., RoadTable]) -> RoadTable:
     """Ten segments from 8.500 to 8.510 E at 49 N."""
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(), "x", "0" * 64)
+        replace_roads(session, chain(), "x", "0" * 64)
     return chain()
 
 

@@ -17,13 +17,13 @@ from app.core import mirror
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.core.settings.places import RemoteFolder
-from app.roads import imports as roads
 from app.terrain import heights
 from app.terrain import imports as dem
 from app.terrain.store import DemSet, current_dem
 from fusion.errors import TerrainError
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
+from road_support import replace_roads
 
 STEP_DEG = 1 / 1200
 
@@ -93,7 +93,7 @@ def test_a_raster_that_one_machine_imported_is_read_on_another(
     sessions: Sessions, raster: Path, machine: Callable[[str], RemoteFolder], chain: Callable[..., RoadTable]
 ) -> None:
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(), "x", "0" * 64)
+        replace_roads(session, chain(), "x", "0" * 64)
     add(sessions, raster, machine("first"))
     found = seen_by(sessions, machine("second"))
     assert found.names == ("N49_dem.tif",)

@@ -10,9 +10,9 @@ from sqlalchemy import text
 from app.drives.batches import enqueuing
 from app.drives.batches.documents import Selection, Which
 from app.drives.worker import run_worker
-from app.roads.imports import replace_roads
 from fusion.registry import DEFAULT_METHOD
 from processing_support import HEADER, carry_out_removals
+from road_support import replace_roads
 
 LOG = b"time_s,lat_deg,lon_deg\n" + b"".join(b"17000000%02d,49.0,8.4\n" % k for k in range(20))
 """It can be read; without roads the drive fails all the same."""

@@ -9,8 +9,8 @@ import pytest
 from app.core.db import Sessions
 from app.exports.source import Query, Source
 from app.map.segment import Segment
-from app.roads import imports as roads
 from fusion.errors import RoadsError
+from road_support import replace_roads
 
 Mapped = Any  # of conftest, which cannot be imported
 ONE = Segment(
@@ -24,6 +24,6 @@ def test_roads_without_a_file_are_told(sessions: Sessions, chain: Any, tmp_path:
     with sessions() as session, pytest.raises(RoadsError, match="There are no roads yet"):
         _ = Source(session, tmp_path, Query()).road_files
     with sessions.begin() as session:
-        roads.replace_roads(session, chain(), "chain.osm", "0" * 64)
+        replace_roads(session, chain(), "chain.osm", "0" * 64)
     with sessions() as session, pytest.raises(RoadsError, match="Of region 'roads' no file is kept"):
         _ = Source(session, tmp_path, Query()).road_files

@@ -14,10 +14,10 @@ from sqlalchemy import text
 from app.core.errors import BadRequestError
 from app.map.heights import places as reading
 from app.map.heights.road_heights import MODEL_SIGMA_M
-from app.roads import imports as roads
 from fusion.network.unknowns import knot_positions
 from fusion.roads.table import RoadTable
 from problem_support import check
+from road_support import replace_roads
 
 WEST, LAT, STEP = 8.5, 49.0, 0.001
 BRIDGE = (3, 4, 5)  # of the ten segments of the upper road
@@ -54,7 +54,7 @@ def valley(web: Any) -> Any:
     low = np.abs(lon - LOWER_LON) < 1.4 * STEP
     ground = np.where(low, LOWER_M, UPPER_M)
     with web.sessions.begin() as session:
-        roads.replace_roads(session, table, "valley.osm", "0" * 64, dem_heights_m=ground)
+        replace_roads(session, table, "valley.osm", "0" * 64, dem_heights_m=ground)
         for node, start, end in ((100, 150.0, 151.0), (101, 151.0, 153.0)):
             session.execute(
                 text(

@@ -9,10 +9,10 @@ import pytest
 from sqlalchemy import text
 
 from app.map.segment import HEIGHT_DATUM
-from app.roads import imports as roads
 from fusion.network.unknowns import knot_positions
 from fusion.roads.table import RoadTable
 from problem_support import check
+from road_support import replace_roads
 
 WEST, LAT, STEP = 8.5, 49.0, 0.001
 LENGTH_M = 73.2
@@ -44,7 +44,7 @@ def street(web: Any) -> dict[int, int]:
     lon, _ = knot_positions(table)
     ground = np.where(lon > WEST + 2.99 * STEP, np.nan, 100 + (lon - WEST) / STEP)
     with web.sessions.begin() as session:
-        roads.replace_roads(session, table, "street.osm", "0" * 64, dem_heights_m=ground)
+        replace_roads(session, table, "street.osm", "0" * 64, dem_heights_m=ground)
         session.execute(
             text(
                 """

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.roads import imports as roads
 from drawn_support import draw
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import drive_over
 from processing_support import carry_out_removals
+from road_support import replace_roads
 
 HERE, THERE = "/tiles/14/8579/5626", "/tiles/14/8624/5626"
 ABOVE_HERE, ABOVE_THERE, BOTH = "/tiles/10/536/351", "/tiles/10/539/351", "/tiles/6/33/21"
@@ -52,6 +52,6 @@ def test_tiles_are_new_where_something_changed_and_only_there(
     assert statuses() == changed
     with web.sessions.begin() as session:
         renamed = ["primary" if k == 3 else name for k, name in enumerate(table.highway)]
-        roads.replace_roads(session, replace(table, highway=np.array(renamed, object)), "x", "1" * 64)
+        replace_roads(session, replace(table, highway=np.array(renamed, object)), "x", "1" * 64)
     assert statuses() == changed
     assert statuses() == unchanged
