@@ -41,6 +41,10 @@ _MEMORY_LIMIT = Path("/sys/fs/cgroup/memory.max")
 class Process(Protocol):
     """A child's process, with the methods of ``subprocess.Popen`` that are used."""
 
+    @property
+    def pid(self) -> int | None:
+        """None before it was started."""
+
     def poll(self) -> int | None:
         """Exit status, None while it runs."""
 

@@ -35,14 +35,12 @@ _WHERE_CLAIMED = """
 
 # A running drive may be claimed as well: its worker may have died and its job have come back. Not one that has said
 # all: it only waits to be published.
-_CLAIM = text(
-    """
+_CLAIM = text("""
     UPDATE drives
     SET status = 'running', stage = NULL, progress = 0, started_at = clock_timestamp(), finished_at = NULL
     WHERE id = :id AND generation = :generation AND status IN ('queued', 'running')
         AND stage IS DISTINCT FROM 'publishing' RETURNING id
-    """
-)
+""")
 _FAILED = """
     status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
     failure_version = :version, finished_at = clock_timestamp()
@@ -65,8 +63,7 @@ _SET_PUBLISHING = text(
 
 # What no mark waits for any more, but in cells that solvers have given up; another worker may be about
 # to say so, too.
-_PUBLISHED = text(
-    """
+_PUBLISHED = text("""
     SELECT d.id, d.report, d.method, d.distance_m,
            CAST(greatest(extract(epoch FROM clock_timestamp() - d.computed_at), 0) AS float8) AS waited_s
     FROM drives AS d
@@ -74,22 +71,16 @@ _PUBLISHED = text(
         SELECT FROM network_marks AS m
         WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries < :given_up)
     ORDER BY d.created_at, d.id FOR NO KEY UPDATE OF d SKIP LOCKED
-    """
-)
-_FINISH = text(
-    """
+""")
+_FINISH = text("""
     UPDATE drives SET status = 'done', stage = NULL, progress = 1, finished_at = clock_timestamp() WHERE id = :id
-    """
-)
+""")
 
-_SET_REMOVING = text(
-    """
+_SET_REMOVING = text("""
     UPDATE drives SET stage = 'removing'
     WHERE id = :id AND generation = :generation AND status = 'cancelled' AND stage IS NULL RETURNING blob_key
-    """
-)
-_REMOVED = text(
-    """
+""")
+_REMOVED = text("""
     DELETE FROM drives WHERE id IN (
         SELECT d.id FROM drives AS d
         WHERE d.status = 'cancelled' AND d.stage = 'removing' AND NOT EXISTS (
@@ -97,8 +88,7 @@ _REMOVED = text(
         FOR UPDATE OF d SKIP LOCKED)
     RETURNING id, blob_key, CASE WHEN bounds IS NOT NULL
         THEN ARRAY[ST_XMin(bounds), ST_YMin(bounds), ST_XMax(bounds), ST_YMax(bounds)] END AS bbox
-    """
-)
+""")
 
 
 def mark_running(session: Session, drive_id: uuid.UUID, generation: int) -> Drive | None:

@@ -20,23 +20,19 @@ REMOVE_DRIVE = Kind("remove_drive", AHEAD)
 SOLVE = Kind("solve", AHEAD)
 
 # The queue's own function raises where a job waits already, which would end the session's transaction.
-_ASK_SOLVER = text(
-    """
+_ASK_SOLVER = text("""
     INSERT INTO procrastinate_jobs (queue_name, task_name, priority, queueing_lock)
     VALUES (:queue, CAST(:task AS text), :priority, CAST(:task AS text))
     ON CONFLICT (queueing_lock) WHERE status = 'todo' DO NOTHING
-    """
-)
+""")
 
 # Through the queue's index on priorities of waiting jobs.
-_WAIT = text(
-    """
+_WAIT = text("""
     SELECT EXISTS (
         SELECT FROM procrastinate_jobs
         WHERE status = 'todo' AND priority >= :least AND task_name = :task
             AND (scheduled_at IS NULL OR scheduled_at <= now()))
-    """
-)
+""")
 
 
 def jobs_behind(task: str) -> str:

@@ -56,22 +56,18 @@ _FILTERS = {
     "batch": " AND d.batch_id = :batch",
 }
 # Another upload of the same bytes or content that has not committed yet is waited for.
-_CREATE = text(
-    """
+_CREATE = text("""
     INSERT INTO drives (id, sha256, content_sha256, filename, size_bytes, blob_key, status, method, options,
                         traceparent)
     VALUES (:id, :sha256, :content_sha256, :filename, :size_bytes, :blob_key, 'queued', :method,
             CAST(:options AS jsonb), :traceparent)
     ON CONFLICT DO NOTHING RETURNING id
-    """
-)
+""")
 # Nothing when the drive is gone, or another upload was faster.
-_GIVE_BLOB = text(
-    """
+_GIVE_BLOB = text("""
     UPDATE drives SET blob_key = :blob_key, sha256 = :sha256, size_bytes = :size_bytes
     WHERE id = :id AND blob_key = :lost_key RETURNING id
-    """
-)
+""")
 
 CANCELLED = """
     status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp(),

@@ -21,12 +21,10 @@ _SENSORS = b"sensors"
 """Metadata: a JSON list of the sensors, [name, is_height] each; ``sensor`` is an index into it."""
 
 # A drive that is processed again has one track still: that of its last run.
-_SAVE = text(
-    """
+_SAVE = text("""
     INSERT INTO drive_tracks (drive_id, track, measurements) VALUES (:drive_id, :track, :measurements)
     ON CONFLICT (drive_id) DO UPDATE SET track = excluded.track, measurements = excluded.measurements
-    """
-)
+""")
 _TRACK = text("SELECT track FROM drive_tracks WHERE drive_id = :drive_id")
 _MEASUREMENTS = text("SELECT measurements FROM drive_tracks WHERE drive_id = :drive_id")
 
@@ -44,12 +42,10 @@ _KEEP_PICTURE = text(
         SET drawn_of = excluded.drawn_of, png = excluded.png, drawn_at = excluded.drawn_at
     """  # noqa: S608 - constants
 )
-_DROP_OLD_PICTURES = text(
-    """
+_DROP_OLD_PICTURES = text("""
     DELETE FROM drive_pictures WHERE drive_id IN
         (SELECT drive_id FROM drive_pictures ORDER BY drawn_at DESC OFFSET :kept)
-    """
-)
+""")
 
 
 _COLUMN_NAMES = {"after_outage": "starts"}

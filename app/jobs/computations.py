@@ -46,16 +46,14 @@ _DEATHS = "SELECT deaths FROM computations WHERE job_id = %(job)s"
 _FORGET = "DELETE FROM computations WHERE job_id = %(job)s"
 
 # Whoever may not see another role's connections sees their numbers at least.
-_CHARGE = text(
-    """
+_CHARGE = text("""
     UPDATE computations AS c
     SET since = NULL, deaths = c.deaths + CASE WHEN c.since > pg_postmaster_start_time() AND NOT EXISTS (
             SELECT FROM pg_stat_activity AS a
             WHERE a.pid = c.backend AND coalesce(a.backend_start, c.backend_start) = c.backend_start
         ) THEN 1 ELSE 0 END
     WHERE c.job_id = :job AND c.since IS NOT NULL RETURNING c.deaths
-    """
-)
+""")
 
 # Of jobs that came to their end while the database was not there to be told so, or in the hands of another worker.
 _FORGET_GONE = text(

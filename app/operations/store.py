@@ -32,29 +32,23 @@ operations = RequestStore(
     "operation", tables.Operation, Operation.of, OPERATE, "operations", on_claim=_BEGUN_ONCE
 )
 
-_SAME = text(
-    """
+_SAME = text("""
     SELECT id FROM operations
     WHERE status IN ('queued', 'planned') AND kind = :kind AND request = CAST(:request AS jsonb)
     ORDER BY created_at LIMIT 1
-    """
-)
+""")
 # What is planned waits for a person, and its file with it.
-_WAITING = text(
-    """
+_WAITING = text("""
     SELECT count(*) FILTER (WHERE status <> 'running') AS operations,
         coalesce(sum(CAST(request ->> 'size_bytes' AS bigint)) FILTER (WHERE blob_key IS NOT NULL), 0) AS bytes
     FROM operations WHERE status IN ('queued', 'planned', 'running')
-    """
-)
-_FORGET_PLANS = text(
-    """
+""")
+_FORGET_PLANS = text("""
     UPDATE operations AS o SET status = 'cancelled', blob_key = NULL, finished_at = clock_timestamp()
     FROM (SELECT id, blob_key FROM operations
           WHERE status = 'planned' AND planned_at < now() - :age FOR UPDATE SKIP LOCKED) AS was
     WHERE o.id = was.id RETURNING was.blob_key
-    """
-)
+""")
 
 
 def require_place(session: Session, size_bytes: int, kept_bytes: int) -> None:

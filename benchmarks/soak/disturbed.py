@@ -100,7 +100,7 @@ class Disturbed:
         except psycopg.Error:  # the database is down: a good moment
             pass
         process = self.service.children[1].process
-        if process is None:
+        if process is None or process.pid is None:
             return False
         with suppress(OSError):  # one of the lanes, or what they are forked from
             lanes = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
@@ -165,7 +165,7 @@ def _looked_after(service: Service, cluster: EmbeddedPostgres) -> Iterator[None]
 
 def _kill_child(child: Child) -> bool:
     process, child.pause_s = child.process, RESTART_S
-    return process is not None and process.poll() is None and _kill(process.pid)
+    return process is not None and process.pid is not None and process.poll() is None and _kill(process.pid)
 
 
 def _kill(pid: int) -> bool:

@@ -64,6 +64,26 @@ def build_grid(x0: Floats, y0: Floats, x1: Floats, y1: Floats, oneway: NDArray[n
 
 
 @compiled
+def segments_within(grid: SegmentGrid, x: float, y: float, radius: float) -> Ints:
+    """Indices, ascending, of the segments no farther than ``radius`` from (x, y)."""
+    first, last, low, high = cells_around(grid, x, y, radius)
+    total = 0
+    for row in range(low, high + 1):
+        total += grid.start[row * grid.columns + last + 1] - grid.start[row * grid.columns + first]
+    rows = np.empty(total, np.int64)
+    count = 0
+    for row in range(low, high + 1):
+        begin, end = grid.start[row * grid.columns + first], grid.start[row * grid.columns + last + 1]
+        for k in range(begin, end):
+            s = grid.items[k]
+            _, px, py = project_point(grid.x0[s], grid.y0[s], grid.x1[s], grid.y1[s], x, y)
+            if (px - x) ** 2 + (py - y) ** 2 <= radius * radius:
+                rows[count] = s
+                count += 1
+    return np.unique(rows[:count])
+
+
+@compiled
 def cells_around(grid: SegmentGrid, x: float, y: float, radius: float) -> tuple[int, int, int, int]:
     """First and last column, first and last row of the cells that meet the square around a point."""
     reach = radius + _SLACK_M

@@ -21,27 +21,21 @@ from app.drives.store import ANEW
 PIECE_DRIVES = 1000
 """In one transaction: a tenth of a second or so, as long as somebody who deletes one of them may wait."""
 
-_FIND = text(
-    """
+_FIND = text("""
     SELECT id FROM batches
     WHERE state = 'enqueuing' AND selection = CAST(:selection AS jsonb)
         AND coalesce(method, '') = coalesce(CAST(:method AS text), '')
-    """
-)
-_OPEN = text(
-    """
+""")
+_OPEN = text("""
     INSERT INTO batches (selection, method, state)
     VALUES (CAST(:selection AS jsonb), :method, 'enqueuing') ON CONFLICT DO NOTHING RETURNING id
-    """
-)
+""")
 
 # Held while a piece is enqueued: the next piece, whoever takes it, begins after this one.
-_HOLD = text(
-    """
+_HOLD = text("""
     SELECT id, asked_at, selection, method, after_created_at, after_id FROM batches
     WHERE id = :batch AND state = 'enqueuing' FOR UPDATE
-    """
-)
+""")
 
 # In the order of uploads, as the queue will be; drives that were asked for since the batch was are of no concern.
 _SELECTED = """
@@ -49,13 +43,11 @@ _SELECTED = """
     WHERE d.status IN ('done', 'failed') AND d.queued_at <= coalesce(CAST(:asked_at AS timestamptz), now())
 """
 _SKIPPED = "SELECT d.failure_kind, count(*) {selected} GROUP BY 1 ORDER BY 2 DESC, 1"
-_STANDING = text(
-    """
+_STANDING = text("""
     SELECT coalesce(sum(drives) FILTER (WHERE status IN ('done', 'failed')), 0),
            coalesce(sum(drives) FILTER (WHERE status IN ('queued', 'running')), 0)
     FROM drive_counts
-    """
-)
+""")
 _AFTER = " AND (d.created_at, d.id) > (:after_created_at, :after_id)"
 BEFORE_BATCH = """jsonb_strip_nulls(jsonb_build_object(
                 'status', d.status, 'stage', d.stage, 'progress', d.progress, 'failure_kind', d.failure_kind,
@@ -94,8 +86,7 @@ _CANCEL = text(
 )
 
 # A job that a worker has just taken stays; the worker finds that the drive is not its own.
-_PUT_BACK = text(
-    """
+_PUT_BACK = text("""
     WITH waiting AS MATERIALIZED (
         SELECT id FROM drives WHERE status = 'queued' AND batch_id = :batch AND before_batch IS NOT NULL
         ORDER BY created_at, id LIMIT :piece FOR UPDATE
@@ -113,18 +104,15 @@ _PUT_BACK = text(
         WHERE j.args ->> 'drive_id' = CAST(back.id AS text) AND j.task_name = :task AND j.status = 'todo'
     )
     SELECT count(*) FROM back
-    """
-)
+""")
 
 # To be gone on with: batches that are not all in the queue yet, and cancelled ones of which drives still wait.
-_UNFINISHED = text(
-    """
+_UNFINISHED = text("""
     SELECT id, state = 'cancelled' FROM batches WHERE state = 'enqueuing'
         OR state = 'cancelled' AND id IN (
             SELECT batch_id FROM drive_counts WHERE status = 'queued' GROUP BY batch_id HAVING sum(drives) > 0)
     ORDER BY id
-    """
-)
+""")
 
 _GET = text("SELECT state, asked_at, method, selection, drives FROM batches WHERE id = :batch")
 _COUNTS = """
@@ -145,14 +133,12 @@ _UNDER_WAY = """
 _COUNTS_UNDER_WAY = text(_COUNTS.format(of_batch="") + _UNDER_WAY)
 
 # Rows of one kind become one. Two who do so at once take different rows, or the second none.
-_FOLD_COUNTS = text(
-    """
+_FOLD_COUNTS = text("""
     WITH gone AS (DELETE FROM drive_counts WHERE (SELECT count(*) FROM drive_counts) > :most_rows RETURNING *)
     INSERT INTO drive_counts (day, status, failure_kind, batch_id, drives, distance_m, size_bytes)
     SELECT day, status, failure_kind, batch_id, sum(drives), sum(distance_m), sum(size_bytes) FROM gone
     GROUP BY day, status, failure_kind, batch_id HAVING sum(drives) <> 0 OR sum(size_bytes) <> 0
-    """
-)
+""")
 
 # A drive and its job commit together; only what a migration asks for anew has no job. It becomes a batch of its own,
 # the selection of which says so. One at a time, so that none gets two.

@@ -60,13 +60,11 @@ _JOBLESS = """
 """
 
 # Jobs that go first, and that no lane has taken yet.
-_OTHERS_WAIT = text(
-    """
+_OTHERS_WAIT = text("""
     SELECT EXISTS (
         SELECT FROM procrastinate_jobs
         WHERE status = 'todo' AND priority > :priority AND (scheduled_at IS NULL OR scheduled_at <= now()))
-    """
-)
+""")
 
 
 class RequestStore(Generic[R]):
