@@ -217,7 +217,7 @@ def test_the_lock_covers_every_dependency_and_names_no_address(lock: str, extras
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     wanted = project["dependencies"] + [d for e in extras for d in project["optional-dependencies"][e]]
     text = (REPOSITORY / ".lock" / lock).read_text()
-    locked = set(re.findall(r"^([a-z0-9.-]+)(?:\[[a-z, -]+\])?==", text, flags=re.MULTILINE))
+    locked = set(re.findall(r"^([a-z0-9.-]+)(?:\[[a-z0-9, -]+\])?==", text, flags=re.MULTILINE))
     names = {re.split(r"[\[><=~! ]", requirement)[0] for requirement in wanted}
     assert names - locked == set(), "run `make lock`"
     assert "://" not in text
