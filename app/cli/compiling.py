@@ -32,7 +32,7 @@ from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.compiled import cache_folder
 from fusion.errors import FusionError
 from fusion.formats import read_log, read_logs
-from fusion.pipeline import run_drive
+from fusion.pipeline import parse_options, positions_of, run_drive
 from fusion.published.canyon.drive import canyon_of
 from fusion.registry import DEFAULT_METHOD
 from fusion.results import solve
@@ -82,41 +82,33 @@ def main() -> None:
 def compile_ahead(
     *, first: bool = False, processes: int = 1, tell: Callable[[str, int, int], None] = lambda *_: None
 ) -> None:
-    """Run what is not known to have been run with this code on this processor; ``tell(name, number, of)`` each.
-
-    What most drives need comes first and alone: the other methods call much of it.
-    """
+    """Run what is not known to have been run with this code on this processor; ``tell(name, number, of)`` each."""
     if is_compiled(first=first):
         return
     with _scene() as scene:
-        steps = list(_first_steps(scene))
-        others = [] if first else list(_other_steps(scene))
-        of = len(steps) + len(others)
-        for number, (name, run) in enumerate(steps, 1):
-            tell(name, number, of)
-            run()
-        for number, name in enumerate(_run_others(others, processes), len(steps) + 1):
-            tell(name, number, of)
+        steps = list(_first_steps(scene) if first else _steps(scene))
+        for number, name in enumerate(_run_all(steps, processes), 1):
+            tell(name, number, len(steps))
     for done in {True, first}:
         if mark := _mark(first=done):
             with suppress(OSError):  # a folder that nobody may write into serves those who read it
                 mark.touch()
 
 
-def _run_others(steps: list[Step], processes: int) -> Iterator[str]:
+def _run_all(steps: list[Step], processes: int) -> Iterator[str]:
     """Names of the steps as they end."""
-    if processes < 2 or not steps:
+    if processes < 2:
         for name, run in steps:
             run()
             yield name
         return
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap_unordered(_run_other, range(len(steps)))
+        yield from pool.imap_unordered(_run_one, range(len(steps)))
         pool.close()  # processes that are killed, as the end of ``with`` does, leave their folder behind
         pool.join()
 
 
-def _run_other(number: int) -> str:
+def _run_one(number: int) -> str:
     name, run = _steps_of_this_process()[number]
     run()
     return name
@@ -124,8 +116,8 @@ def _run_other(number: int) -> str:
 
 @cache
 def _steps_of_this_process() -> list[Step]:
-    """The other steps on a scene of the process's own, which lasts as long as it does."""
-    return list(_other_steps(_LASTING.enter_context(_scene())))
+    """All steps on a scene of the process's own, which lasts as long as it does."""
+    return list(_steps(_LASTING.enter_context(_scene())))
 
 
 def is_compiled(*, first: bool = False) -> bool:
@@ -187,15 +179,19 @@ def _first_steps(scene: Scene) -> Iterator[Step]:
     yield DEFAULT_METHOD, estimate_and_solve
 
 
-def _other_steps(scene: Scene) -> Iterator[Step]:
-    """Each method and each positioning, with each choice of each of its options.
+def _steps(scene: Scene) -> Iterator[Step]:
+    """Each positioning and each method, with each choice of each of its options.
 
-    All choices of one are one step: they share most of their loops, which two processes would compile both.
+    All choices of one are one step, and what shares few loops with the step before comes next: two processes that are
+    at steps which share many would compile these both.
     """
+    yield from _first_steps(scene)
+    for name, positioning in POSITIONINGS.items():
+        yield f"positions by {name}", partial(_run_positioning, scene, name, positioning.options_model)
     for name, method in METHODS.items():
         yield name, partial(_run_method, scene, name, method.options_model)
-    for name, positioning in POSITIONINGS.items():
-        yield name, partial(_run_positioning, scene, name, positioning.options_model)
+    for name in POSITIONINGS:
+        yield f"{DEFAULT_METHOD} on positions by {name}", partial(_run_on_positions, scene, name)
 
 
 def _run_method(scene: Scene, name: str, model: type[BaseModel]) -> None:
@@ -204,11 +200,18 @@ def _run_method(scene: Scene, name: str, model: type[BaseModel]) -> None:
 
 
 def _run_positioning(scene: Scene, name: str, model: type[BaseModel]) -> None:
-    logs = scene.raw
     for options in _choices(model):
-        for log in logs:
-            _run(log, scene, DEFAULT_METHOD, {"gnss": name, "gnss_options": options})
-        logs = scene.raw[-1:]  # no other choice knows what the log came from
+        with suppress(FusionError):
+            positions_of(
+                scene.raw[-1], parse_options(DEFAULT_METHOD, {"gnss": name, "gnss_options": options})
+            )
+
+
+def _run_on_positions(scene: Scene, name: str) -> None:
+    for log in scene.raw:
+        _run(
+            log, scene, DEFAULT_METHOD, {"gnss": name, "gnss_options": _few(POSITIONINGS[name].options_model)}
+        )
 
 
 def _run(log: DriveLog, scene: Scene, method: str, options: Mapping[str, Any]) -> None:
@@ -216,9 +219,13 @@ def _run(log: DriveLog, scene: Scene, method: str, options: Mapping[str, Any]) -
         run_drive(log, scene.roads, scene.dem, method=method, options=options)
 
 
+def _few(model: type[BaseModel]) -> dict[str, Any]:
+    return {name: value for name, value in FEW.items() if name in model.model_fields}
+
+
 def _choices(model: type[BaseModel]) -> Iterator[dict[str, Any]]:
     """Options of a model: those by default, then each choice of each option that has several."""
-    few = {name: value for name, value in FEW.items() if name in model.model_fields}
+    few = _few(model)
     yield few
     for name, schema in model.model_json_schema().get("properties", {}).items():
         values = (True, False) if schema.get("type") == "boolean" else schema.get("enum", ())

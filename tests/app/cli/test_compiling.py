@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -10,30 +11,38 @@ import pytest
 from app.cli import compiling
 from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.errors import FusionError
-from fusion.pipeline import run_drive
+from fusion.pipeline import positions_of, run_drive
 from fusion.registry import DEFAULT_METHOD
+from fusion.types import DriveLog
 
 
-@pytest.mark.slow
+@pytest.mark.long("half a minute of computing: every choice of every method and positioning")
 def test_each_choice_of_each_option_runs_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     chosen: dict[str, set[tuple[str, Any]]] = defaultdict(set)
     ended_early = []
 
-    def run(*inputs: Any, method: str = DEFAULT_METHOD, options: Any) -> object:
-        name = options.get("gnss", method)
-        chosen[name] |= set(options.get("gnss_options", options).items())
+    def noted(name: str, options: Any, run: Callable[[], object]) -> object:
+        chosen[name] |= set(options.items())
         try:
-            return run_drive(*inputs, method=method, options=options)
+            return run()
         except FusionError as error:
             ended_early.append((name, error.kind))
             raise
 
+    def run(*inputs: Any, method: str, options: Any) -> object:
+        return noted(method, options, lambda: run_drive(*inputs, method=method, options=options))
+
+    def positions(log: DriveLog, options: Any) -> object:
+        return noted(options.gnss, options.gnss_options, lambda: positions_of(log, options))
+
     monkeypatch.setattr(compiling, "run_drive", run)
+    monkeypatch.setattr(compiling, "positions_of", positions)
+    monkeypatch.setattr(compiling, "_first_steps", lambda _: [])
     with compiling._scene() as scene:
-        for _, step in compiling._other_steps(scene):
+        for _, step in compiling._steps(scene):
             step()
     # Of the two formats with raw signals one has no positions of the receiver's own.
-    assert ended_early == [("receiver", "empty-log")]
+    assert ended_early == [(DEFAULT_METHOD, "empty-log")]
     for name, thing in (*METHODS.items(), *POSITIONINGS.items()):
         for option, schema in thing.options_model.model_json_schema().get("properties", {}).items():
             values = {True, False} if schema.get("type") == "boolean" else set(schema.get("enum", ()))
