@@ -24,7 +24,7 @@ from processing_support import accept_upload
 Send = Callable[..., Drive]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the town's roads, its elevation and three logs, the first and last along one route."""
     folder = tmp_path_factory.mktemp("town")
