@@ -82,15 +82,18 @@ class Wishes:
 USUAL = Wishes()
 
 
-def refuse(losses: Sequence[Loss]) -> None:
-    """``RoadsError`` where any region loses too much."""
+def refuse(losses: Sequence[Loss], *, removal: bool = False) -> None:
+    """``RoadsError`` where any region loses too much, by a ``removal`` or because another file takes its place."""
     if large := [one for one in losses if one.lost > MOST_LOST * one.measured]:
         regions = "; ".join(
             f"{one.lost} of the {one.measured} measured segments of {one.region}" for one in large
         )
+        elsewhere = (
+            "" if removal else "If the file is of another area, name a region of its own by --region. "
+        )
         raise RoadsError(
-            f"This would take away what was measured on more than a tenth: {regions}. Nothing was changed. See with "
-            "--dry-run what it would do; if that is meant, give --yes."
+            f"This would take away what was measured on more than a tenth: {regions}. Nothing was changed. "
+            f"{elsewhere}See with --dry-run what it would do; if that is meant, give --yes."
         )
 
 
