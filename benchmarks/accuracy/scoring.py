@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from accuracy.sequences import Slopes, Truth
+from accuracy.sequences import Slopes
+from accuracy.truth import Truth
 from fusion.types import Bools, Floats
 
 Row = dict[str, Any]
@@ -33,13 +34,15 @@ class Errors:
     true_percent: Floats
     length_m: Floats
     driven_share: Floats
+    passes: Floats
+    truth_sigma_percent: Floats
     wanted: int
 
     @classmethod
     def of(cls, truth: Truth, estimates: Slopes) -> Errors:
         """What slopes are wrong by."""
         both = [key for key in truth if key in estimates]
-        true = np.array([truth[key] for key in both], float).reshape(-1, 3)
+        true = np.array([truth[key] for key in both], float).reshape(-1, 5)
         values = np.array([estimates[key] for key in both], float).reshape(-1, 2)
         return cls(
             error_percent=values[:, 0] - true[:, 0],
@@ -47,6 +50,8 @@ class Errors:
             true_percent=true[:, 0],
             length_m=true[:, 2],
             driven_share=true[:, 1] / true[:, 2],
+            passes=true[:, 3],
+            truth_sigma_percent=true[:, 4],
             wanted=len(truth),
         )
 
@@ -87,13 +92,23 @@ class Errors:
 
     @property
     def within_95(self) -> float:
-        """Share of errors within 1.96 sigma: 0.95 where sigmas are true."""
-        return float(np.mean(np.abs(self.error_percent) <= TWO_SIDED_95 * self.sigma_percent))
+        """Share of errors within 1.96 sigma of estimate and truth together: 0.95 where sigmas are true."""
+        return float(np.mean(np.abs(self.z) <= TWO_SIDED_95))
 
     @property
     def z_rms(self) -> float:
-        """Root mean square of error over sigma: 1 where sigmas are true, more where they are too small."""
-        return rms(self.error_percent / self.sigma_percent)
+        """Root mean square of error over that sigma: 1 where sigmas are true, more where they are too small."""
+        return rms(self.z)
+
+    @property
+    def z(self) -> Floats:
+        """Errors over the sigma of estimate and truth together."""
+        return self.error_percent / np.hypot(self.sigma_percent, self.truth_sigma_percent)
+
+    @property
+    def whole(self) -> Errors:
+        """Those whose truth is simple: of one pass, over all of the segment but ends."""
+        return self.take((self.passes == 1) & (self.driven_share >= WHOLE_SHARE))
 
     @property
     def wrong_sign(self) -> float:
@@ -112,8 +127,8 @@ def rms(values: Floats) -> float:
 def figures(runs: Sequence[Sequence[Errors]]) -> Row | None:
     """Figures of logs (outer) of several roads (inner): RMSE and the like are means over the roads and then the logs.
 
-    Shares within sigma and z are of all errors pooled, since a mean of small shares says little. None where no log
-    gave a slope.
+    Shares within sigma and z are of all errors pooled, since a mean of small shares says little; ``whole_...`` are of
+    segments that the reference passed once and as a whole. None where no log gave a slope.
     """
     counted = [[e for e in run if len(e)] for run in runs]
     counted = [run for run in counted if run]
@@ -124,6 +139,7 @@ def figures(runs: Sequence[Sequence[Errors]]) -> Row | None:
         return [float(np.mean([getattr(e, name) for e in run])) for run in counted]
 
     pooled = Errors.pooled([e for run in counted for e in run])
+    whole = pooled.whole
     return {
         "rmse_percent": float(np.mean(by_log("rmse"))),
         "rmse_spread": float(np.std(by_log("rmse"))),
@@ -134,6 +150,10 @@ def figures(runs: Sequence[Sequence[Errors]]) -> Row | None:
         "z_rms": pooled.z_rms,
         "wrong_sign": float(np.mean(by_log("wrong_sign"))),
         "segments": len(pooled),
+        "whole_rmse_percent": whole.rmse if len(whole) else None,
+        "whole_within_95": whole.within_95 if len(whole) else None,
+        "whole_z_rms": whole.z_rms if len(whole) else None,
+        "whole_segments": len(whole),
     }
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import csv
 import importlib.util
 import io
 import sys
@@ -18,8 +17,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
+from accuracy.truth import Key, Truth, passes_of, read_truth, with_sigmas
 from app.cli.fuse_files import Fusion
 from app.map.segment import Segment
 from fusion.errors import MissingSensorError, NoMatchError
@@ -28,8 +28,6 @@ from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 
-Key = tuple[int, int, int]
-"""A segment: way, from node, to node."""
 RECEIVERS = ("m8", "phone", "f9p")
 NOISE_FREE = "noise-free"
 """The receiver that errs by millimetres and says so. What is wrong with slopes from its logs is wrong with the sampling
@@ -38,17 +36,6 @@ movement on its springs stays in its pitch and accelerations, and one percent in
 log without them."""
 _TINY = {"mount": 0.0, "acc_bias": 0.0, "bias_v": 0.0, "pitch": 0.01, "acc": 0.001, "vh": 0.002, "vv": 0.002}
 _NOISE_FREE = {"h": (0.002, 100, 0.001), "v": (0.002, 120, 0.001), "h_acc": 0.01, "v_acc": 0.01, **_TINY}
-
-
-class TrueSlope(NamedTuple):
-    """What is known of a segment; ``driven_m`` is the part over which the slope was measured."""
-
-    slope_percent: float
-    driven_m: float
-    length_m: float
-
-
-Truth = dict[Key, TrueSlope]
 Slopes = dict[Key, tuple[float, float]]
 """Slope and sigma in percent."""
 
@@ -69,17 +56,7 @@ def find_sequences(folder: Path, tool: ModuleType | None = None) -> list[Sequenc
     """Every sequence in ``folder``; ``tool`` is ``roadtruth``, asked for a truth that is not there."""
     tiles = sorted([*folder.glob("*.hgt"), *folder.glob("*.tif")])
     dem = Dem.open(tiles) if tiles else None
-    sequences = [
-        Sequence(
-            name=reference.stem.removeprefix("ref_"),
-            truth=read_truth(reference.with_name(reference.name.replace("ref_", "truth_"))),
-            roads=read_roads(road_file(folder, reference.stem.removeprefix("ref_"))),
-            dem=dem,
-            reference=reference,
-            log=None,
-        )
-        for reference in sorted(folder.glob("ref_*.csv"))
-    ]
+    sequences = [_surveyed(folder, reference, dem) for reference in sorted(folder.glob("ref_*.csv"))]
     if (folder / "log.csv").exists():
         sequences.append(_recorded(folder, dem, tool))
     if not sequences:
@@ -87,14 +64,26 @@ def find_sequences(folder: Path, tool: ModuleType | None = None) -> list[Sequenc
     return sequences
 
 
+def _surveyed(folder: Path, reference: Path, dem: Dem | None) -> Sequence:
+    """The road of a precise track, of which logs are made."""
+    name = reference.stem.removeprefix("ref_")
+    roads = read_roads(road_file(folder, name))
+    truth = read_truth(reference.with_name(reference.name.replace("ref_", "truth_")))
+    truth = with_sigmas(truth, passes_of(reference, roads), made_log=True)
+    return Sequence(name=name, truth=truth, roads=roads, dem=dem, reference=reference, log=None)
+
+
 def _recorded(folder: Path, dem: Dem | None, tool: ModuleType | None) -> Sequence:
     """The real log of a folder."""
-    reference, truth = folder / "ref.csv", folder / "truth.csv"
-    truths = read_truth(truth) if truth.exists() else made_truth(tool, reference, folder / "roads.osm")
+    reference, file = folder / "ref.csv", folder / "truth.csv"
+    roads = read_roads(folder / "roads.osm")
+    truth = read_truth(file) if file.exists() else made_truth(tool, reference, folder / "roads.osm")
+    if reference.exists():
+        truth = with_sigmas(truth, passes_of(reference, roads), made_log=False)
     return Sequence(
         name=folder.name,
-        truth=truths,
-        roads=read_roads(folder / "roads.osm"),
+        truth=truth,
+        roads=roads,
         dem=dem,
         reference=reference if reference.exists() else None,
         log=folder / "log.csv",
@@ -107,17 +96,6 @@ def road_file(folder: Path, name: str) -> Path:
     if not fitting:
         sys.exit(f"{folder}: no road file whose name holds {name!r}")
     return fitting[0]
-
-
-def read_truth(path: Path) -> Truth:
-    """The true slopes of a file that ``roadtruth.py truth`` wrote."""
-    with path.open(newline="") as file:
-        return {
-            (int(r["osm_way_id"]), int(r["from_node"]), int(r["to_node"])): TrueSlope(
-                float(r["slope_percent"]), float(r["driven_m"]), float(r["length_m"])
-            )
-            for r in csv.DictReader(file)
-        }
 
 
 def made_truth(tool: ModuleType | None, reference: Path, roads: Path) -> Truth:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from accuracy.sequences import Key, TrueSlope, Truth
+from accuracy.truth import Key, TrueSlope, Truth
 from fusion.frames import LocalProjection
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.motion.routes import Route

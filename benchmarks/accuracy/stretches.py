@@ -19,7 +19,8 @@ import numpy as np
 from pyproj import Transformer
 from scipy.sparse.csgraph import dijkstra
 
-from accuracy.sequences import Key, Slopes
+from accuracy.sequences import Slopes
+from accuracy.truth import Key
 from fusion.types import Floats
 
 SHORTEST_M, LONGEST_M = 200.0, 3000.0

@@ -6,7 +6,8 @@ import pytest
 
 import slope_accuracy
 from accuracy.scoring import Errors
-from accuracy.sequences import NOISE_FREE, TrueSlope, Truth
+from accuracy.sequences import NOISE_FREE
+from accuracy.truth import TrueSlope, Truth
 
 TRUTH: Truth = {(1, 1, 2): TrueSlope(2.0, 20.0, 20.0)}
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from accuracy.scoring import Errors, Row, figures, show_progress
-from accuracy.sequences import TrueSlope
+from accuracy.truth import TrueSlope
 from fusion.errors import FusionError
 from fusion.gnss.positioning import positioned
 from fusion.pipeline import FusedDrive, parse_options, run_drive, solve_network

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from accuracy.scoring import Errors, by_length, figures, length_classes, text_table
-from accuracy.sequences import Slopes, TrueSlope, Truth
+from accuracy.sequences import Slopes
+from accuracy.truth import TrueSlope, Truth
 
 TRUTH: Truth = {
     (1, 1, 2): TrueSlope(2.0, 10.0, 10.0),
@@ -35,6 +36,19 @@ def test_scores_of_known_errors(errors: Errors) -> None:
         1 / 3
     )  # the slope of half a percent is too flat to have a wrong sign
     assert errors.driven_share.tolist() == [1.0, 1.0, 0.5]
+
+
+def test_the_sigma_of_the_truth_counts_beside_the_stated_one() -> None:
+    truth = {**TRUTH, (1, 2, 3): TrueSlope(-4.0, 30.0, 30.0, 2, 1.2), (1, 1, 2): TrueSlope(2.0, 9.5, 10.0)}
+    errors = Errors.of(truth, {(1, 1, 2): (3.0, 0.5), (1, 2, 3): (-1.5, 0.5), (1, 3, 4): (9.0, 1.0)})
+    assert errors.z.tolist() == pytest.approx([2.0, 2.5 / 1.3, 8.5])
+    assert errors.within_95 == pytest.approx(1 / 3)
+    row = figures([[errors]])
+    assert row is not None
+    # Of the three, one was passed twice, and of one the truth knows a half.
+    assert (row["whole_segments"], row["whole_within_95"]) == (1, 0.0)
+    assert row["whole_z_rms"] == pytest.approx(2.0)
+    assert row["whole_rmse_percent"] == pytest.approx(1.0)
 
 
 def test_nothing_found_is_no_error() -> None:

@@ -10,12 +10,10 @@ import pytest
 from accuracy.logs import read_columns
 from accuracy.sequences import (
     NOISE_FREE,
-    TrueSlope,
     find_sequences,
     folder_of,
     load_tool,
     make_log,
-    read_truth,
     road_file,
     tool_beside,
 )
@@ -33,14 +31,6 @@ def known(karlsruhe: Path, tmp_path: Path) -> Path:
     for name in {*tracks, *SEQUENCES.values(), "N48E008.hgt", "N49E008.hgt"}:
         (folder / name).symlink_to(karlsruhe / name)
     return folder
-
-
-def test_truth_is_read_with_the_part_that_was_driven(tmp_path: Path) -> None:
-    file = tmp_path / "truth.csv"
-    file.write_text(
-        "osm_way_id,from_node,to_node,slope_percent,driven_m,length_m,passes\n7,1,2,-3.5,29,45,1\n"
-    )
-    assert read_truth(file) == {(7, 1, 2): TrueSlope(-3.5, 29.0, 45.0)}
 
 
 def test_the_road_file_of_a_sequence_names_it(tmp_path: Path) -> None:
