@@ -34,6 +34,7 @@ from accuracy.scoring import Errors, Row, figures, show_progress, text_table, wr
 from accuracy.sequences import (
     RECEIVERS,
     Sequence,
+    among,
     estimate,
     find_sequences,
     fuse,
@@ -130,13 +131,10 @@ class Sets:
         out = []
         for logs in self.logs[drives]:
             with changed(change):
-                one = fuse(self.sequence, logs, "profile") if change and change.factors else self.known(logs)
+                anew = change and change.factors
+                one = fuse(self.sequence, logs, "profile") if anew else among(self.fused, logs)
                 out.append(Errors.of(self.sequence.truth, slopes_of(one)))
         return out
-
-    def known(self, logs: list[Path]) -> Fusion:
-        """The logs together, from factors that are there already."""
-        return replace(self.fused, fused=[one for one in self.fused.fused if one.source.paths[0] in logs])
 
 
 def of_constants(args: Namespace) -> list[Row]:

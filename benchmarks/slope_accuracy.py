@@ -53,6 +53,7 @@ from accuracy.sequences import (
     find_sequences,
     load_tool,
     make_log,
+    numbers,
     parser_of,
     tool_beside,
 )
@@ -189,11 +190,6 @@ def show(rows: list[Row], drives: int) -> None:
         print(f"\n{tested[-1]['method']}, {tested[-1]['sequence']}, by length of segment")
         print(text_table(tested[-1]["by_length"], LENGTH_COLUMNS), flush=True)
     print()
-
-
-def numbers(text: str) -> list[int]:
-    """``1,10,40`` as numbers."""
-    return [int(part) for part in text.split(",")]
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ import io
 import sys
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -175,6 +175,12 @@ def fuse(
     return fusion
 
 
+def among(fusion: Fusion, logs: Iterable[Path]) -> Fusion:
+    """The same of some of its logs, each fused as it was."""
+    chosen = set(logs)
+    return replace(fusion, fused=[one for one in fusion.fused if one.source.paths[0] in chosen])
+
+
 def slopes_of(fusion: Fusion) -> Slopes:
     """Slope and sigma of every segment that has them."""
     return slopes_among(fusion.features() if fusion.fused else ())
@@ -194,6 +200,11 @@ def estimate(
 ) -> Slopes:
     """Slope and sigma by segment from logs together."""
     return slopes_of(fuse(sequence, logs, method, options))
+
+
+def numbers(text: str) -> list[int]:
+    """``1,10,40`` as numbers."""
+    return [int(part) for part in text.split(",")]
 
 
 def parser_of(description: str | None, tool: str = "roadtruth") -> argparse.ArgumentParser:

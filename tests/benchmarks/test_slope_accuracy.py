@@ -41,8 +41,3 @@ def test_the_ratio_is_to_the_dem_else_to_raw_altitudes() -> None:
     assert base == {"09": 5.0, "x": 4.0}
     assert slope_accuracy.ratio(rows[0], base) == pytest.approx(0.1)
     assert slope_accuracy.ratio(rows[0], {}) is None
-
-
-def test_drives_may_be_several_numbers() -> None:
-    assert slope_accuracy.numbers("1,10,40") == [1, 10, 40]
-    assert slope_accuracy.numbers("7") == [7]

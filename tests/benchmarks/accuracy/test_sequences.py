@@ -14,6 +14,7 @@ from accuracy.sequences import (
     folder_of,
     load_tool,
     make_log,
+    numbers,
     road_file,
     tool_beside,
 )
@@ -31,6 +32,11 @@ def known(karlsruhe: Path, tmp_path: Path) -> Path:
     for name in {*tracks, *SEQUENCES.values(), "N48E008.hgt", "N49E008.hgt"}:
         (folder / name).symlink_to(karlsruhe / name)
     return folder
+
+
+def test_drives_may_be_several_numbers() -> None:
+    assert numbers("1,10,40") == [1, 10, 40]
+    assert numbers("7") == [7]
 
 
 def test_the_road_file_of_a_sequence_names_it(tmp_path: Path) -> None:
