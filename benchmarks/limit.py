@@ -16,7 +16,8 @@ DATA_DIR is the folder ``karlsruhe``, or the one that holds it. For each road, r
     ratio      Versant to both together
 
 and Versant's share of errors within 1.96 sigma and root mean square of error over sigma, over all sets. The rows
-``all`` are of the segments of all roads in one.
+``all`` are of the segments of all roads in one, ``whole`` of those that the reference drove as a whole: of the others
+truth and bound know a part, and Versant states the slope of all.
 
 The limit is no wall. The bound does not know the elevation model and takes the road as a random walk; the range of the
 bound over four times smoother and rougher roads tells how sharp it is. Springs move the body in the floor's logs too.
@@ -37,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from accuracy.bounds import AS_FITTED, RoadBound
-from accuracy.scoring import Errors, Row, rms, show_progress, text_table, write_json
+from accuracy.scoring import WHOLE_SHARE, Errors, Row, rms, show_progress, text_table, write_json
 from accuracy.sequences import (
     NOISE_FREE,
     RECEIVERS,
@@ -83,7 +84,13 @@ class SetScore:
     versant: Errors
     floor: Errors
     bound: dict[str, Floats] | None
-    """By roughness; None where there are too many drives."""
+    """By roughness, one error for each of ``versant``; None where there are too many drives."""
+
+    def whole(self) -> SetScore:
+        """The segments that the reference drove as a whole."""
+        mine, clean = (one.driven_share >= WHOLE_SHARE for one in (self.versant, self.floor))
+        bound = None if self.bound is None else {name: of[mine] for name, of in self.bound.items()}
+        return SetScore(self.versant.take(mine), self.floor.take(clean), bound)
 
 
 @dataclass
@@ -219,7 +226,8 @@ def run(args: Namespace, data: Path, tool: ModuleType, folder: Path) -> list[Row
     ]
     for receiver, count in keys if len(sequences) > 1 else []:
         together = [pooled(of_set) for of_set in zip(*scores[receiver, count].values(), strict=True)]
-        rows.append({"sequence": "all", "receiver": receiver, "drives": count, **row_of(together)})
+        for name, sets in (("all", together), ("whole", [one.whole() for one in together])):
+            rows.append({"sequence": name, "receiver": receiver, "drives": count, **row_of(sets)})
     return rows
 
 

@@ -32,6 +32,7 @@ class RoadBound:
     reference: Any
     """The tool's own, an instance of its ``Reference``."""
     keys: list[Key]
+    """In the order of the truth."""
     rows: Floats
     """Turns heights along the reference into slopes in percent, one row for each of ``keys``."""
     springs: tuple[float, float]
@@ -48,7 +49,7 @@ class RoadBound:
         keys = [(int(way), int(start), int(end)) for way, start, end in named]
         true = {key: true.slope_percent for key, true in sequence.truth.items()}
         mine = dict(zip(keys, (rows @ reference.z).tolist(), strict=True))
-        if mine.keys() != true.keys() or any(abs(mine[k] - true[k]) > SAME_PERCENT for k in true):
+        if list(mine) != list(true) or any(abs(mine[k] - true[k]) > SAME_PERCENT for k in true):
             raise ValueError(f"{sequence.name}: the bound is of other slopes than the truth has")
         return cls(tool, reference, keys, rows, tool.suspension(reference), tool.roughness(reference))
 

@@ -53,6 +53,16 @@ def test_roads_are_pooled_by_their_segments() -> None:
     assert limit.pooled([one, score(1.0, None)]).bound is None
 
 
+def test_segments_of_which_the_truth_knows_a_part_can_be_left_out() -> None:
+    truth = {**TRUTH, (1, 1, 2): TrueSlope(2.0, 10.0, 20.0)}
+    mine = Errors.of(truth, {(1, 1, 2): (9.0, 1.0), (1, 2, 3): (-0.5, 1.0)})
+    clean = Errors.of(truth, {(1, 2, 3): (-0.9, 1.0)})
+    whole = limit.SetScore(mine, clean, {"q": np.array([7.0, 0.2])}).whole()
+    assert (whole.versant.rmse, whole.floor.rmse) == pytest.approx((0.5, 0.1))
+    assert whole.bound is not None
+    assert whole.bound["q"].tolist() == [0.2]
+
+
 def test_sets_have_no_drive_in_common() -> None:
     seeds = [limit.seed_of(number, drive) for number in range(3) for drive in range(40)]
     assert len(set(seeds)) == 120

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -52,4 +53,7 @@ def test_a_bound_of_other_slopes_is_refused(sequence: Sequence) -> None:
     with pytest.raises(ValueError, match="other slopes"):
         RoadBound.of(tool(("1", "1", "2")), sequence)
     with pytest.raises(ValueError, match="other slopes"):
-        RoadBound.of(tool(("1", "2", "3"), ("1", "1", "2")), sequence)
+        RoadBound.of(tool(("1", "1", "2"), ("1", "3", "2")), sequence)
+    steeper = dataclasses.replace(sequence, truth={**TRUTH, (1, 1, 2): TrueSlope(2.5, 50.0, 50.0)})
+    with pytest.raises(ValueError, match="other slopes"):
+        RoadBound.of(tool(("1", "1", "2"), ("1", "2", "3")), steeper)
