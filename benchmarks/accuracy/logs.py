@@ -49,6 +49,16 @@ def write_columns(columns: Columns, path: Path) -> Path:
     return path
 
 
+def drop_columns(log: Path, names: Collection[str], path: Path) -> Path:
+    """A CSV without some of its columns, cells as they are; returns the path of the copy."""
+    with log.open(newline="") as file:
+        head, *rows = csv.reader(file)
+    keep = [k for k, name in enumerate(head) if name not in names]
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([row[k] for k in keep] for row in (head, *rows))
+    return path
+
+
 def rows_of(columns: Columns, keep: Bools) -> Columns:
     """Some of the epochs."""
     return {name: values[keep] for name, values in columns.items()}

@@ -12,6 +12,7 @@ from accuracy.logs import (
     BAROMETER_DRIFT_S,
     BAROMETER_WHITE_M,
     Columns,
+    drop_columns,
     only,
     outside_blocks,
     read_columns,
@@ -39,6 +40,13 @@ def test_thinning_bears_clocks_that_waver_and_gaps() -> None:
 
 def test_columns_that_are_not_there_are_not_missed() -> None:
     assert list(only(log_of(np.arange(3.0)), ("time_s", "lat_deg", "alt_msl_m"))) == ["time_s", "lat_deg"]
+
+
+def test_columns_are_dropped_and_cells_stay_as_they_are(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("time_s,pressure_hpa,note\n1.50,1000.00000001,a\n2,,b\n")
+    left = drop_columns(log, ("pressure_hpa", "v_acc_m"), tmp_path / "left.csv")
+    assert left.read_text().splitlines() == ["time_s,note", "1.50,a", "2,b"]
 
 
 def test_blocks_take_out_the_share_that_is_asked_for() -> None:
