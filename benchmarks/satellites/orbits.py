@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """Satellites by broadcast ephemerides: beside an independent library, and beside precise products of the same time.
 
-    python benchmarks/orbits.py DATA_DIR [--json FILE]
+    PYTHONPATH=.:benchmarks python -m satellites.orbits DATA_DIR [--json FILE]
 
 DATA_DIR holds navigation files (``brdc*``, ``BRDC*``), precise orbits (``*.SP3``) and clocks (``*.CLK``).
 

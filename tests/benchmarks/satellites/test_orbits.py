@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-import orbits
 from gnss_support import gnss_file
+from satellites import orbits
 from satellites.library import navigation_of
 from satellites.precise import read_clk
 
