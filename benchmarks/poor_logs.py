@@ -2,7 +2,7 @@
 """A ladder of poor logs: what slopes are worth when sensors are missing and epochs are far apart.
 
     python benchmarks/poor_logs.py DATA_DIR [--method NAME] [--seeds 5] [--sequences 00,09,10] [--every 1,5,10]
-                                   [--json FILE]
+                                   [--tables ladder,streets,filtered] [--bound PATH] [--json FILE]
 
 DATA_DIR is the folder ``karlsruhe``, or the one that holds it. The tool ``roadtruth.py`` makes logs of its reference
 drives as a receiver of the M8 class records them, one a seed; of those are left
@@ -22,6 +22,11 @@ the RMSE of the same logs without noise: means over the sequences, errors pooled
 The second table is of the barometer alone at 1 Hz on made streets of 750 m whose segments are equally long: a height
 that only a drive knows has to be carried from one short segment to the next, which the sequences ask of few. Beside it
 the same slopes without the barometer's noise and drift, and the RMSE of taking 0 everywhere.
+
+The third table is of altitudes at 1 Hz out of a low-pass of 1, 2 and 4 s and of none, from the M8 and from a phone, of
+one drive and of ten together (a set of ten for every five of ``--seeds``, one at least). Beside it the RMSE that a
+smoother of the same altitudes before the low-pass could reach at best, by the tool ``bound.py`` (``accuracy.bounds``).
+``--tables`` prints only some.
 """
 
 from __future__ import annotations
@@ -36,6 +41,7 @@ from types import ModuleType
 
 import numpy as np
 
+from accuracy import filtered
 from accuracy.logs import POSITIONS, only, with_barometer, write_columns
 from accuracy.poor import RUNGS, Rung, poor_log, road_of
 from accuracy.scoring import (
@@ -87,6 +93,11 @@ STREET_M = 750.0
 SEGMENTS_M = (10.0, 25.0, 50.0, 150.0)
 
 
+TABLES = {
+    "ladder": ("a ladder of poor logs", COLUMNS),
+    "streets": ("barometer alone, streets of equal segments", STREET_COLUMNS),
+    "filtered": ("altitudes out of a low-pass", filtered.COLUMNS),
+}
 RECEIVER = "m8"
 Runs = dict[str, list[list[Errors]]]
 """Errors by receiver, seed and sequence."""
@@ -131,14 +142,31 @@ class Setup:
         return Errors.of(sequence.truth, estimate(road_of(sequence, rung), [log], self.method))
 
 
-def run(args: Namespace, folder: Path) -> list[Row]:
-    """Every rung at every sampling."""
+def run(args: Namespace, folder: Path) -> dict[str, list[Row]]:
+    """The rows of each table."""
+    names = args.tables.split(",")
+    if not set(names) <= set(TABLES):
+        sys.exit(f"--tables takes some of {','.join(TABLES)}")
     data = folder_of(args.data_dir, "karlsruhe")
     tool = load_tool(args.roadtruth or tool_beside(data))
     sequences = [s for s in find_sequences(data) if s.name in args.sequences.split(",")]
     if not sequences:
         sys.exit(f"{data}: no sequence named {args.sequences}")
-    setup = Setup(tool, folder, args.method, args.seeds)
+    rows: dict[str, list[Row]] = {}
+    if "ladder" in names:
+        rows["ladder"] = ladder(args, Setup(tool, folder, args.method, args.seeds), sequences)
+    if "streets" in names:
+        rows["streets"] = [street_row(m, args.method, args.seeds, folder) for m in SEGMENTS_M]
+    if "filtered" in names:
+        bound = args.bound or tool_beside(data, "bound.py")
+        of = load_tool(bound) if args.bound or bound.exists() else None
+        drives = filtered.Drives(tool, of, folder, args.method, args.seeds)
+        rows["filtered"] = filtered.filtered_rows(drives, sequences)
+    return rows
+
+
+def ladder(args: Namespace, setup: Setup, sequences: list[Sequence]) -> list[Row]:
+    """Every rung at every sampling."""
     return [
         row
         for rung in RUNGS
@@ -184,20 +212,20 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--sequences", default="00,09,10")
     parser.add_argument("--every", default="1,5,10", help="seconds between epochs, separated by commas")
+    parser.add_argument("--tables", default=",".join(TABLES), help="some of them, separated by commas")
+    parser.add_argument("--bound", type=Path, metavar="PATH", help="where bound.py lies")
     args = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     try:
         with tempfile.TemporaryDirectory() as temporary:
-            folder = Path(temporary)
-            rows = run(args, folder)
-            streets = [street_row(m, args.method, args.seeds, folder) for m in SEGMENTS_M]
+            rows = run(args, Path(temporary))
     except FusionError as error:
         sys.exit(str(error))
     show_progress("")
-    print(text_table([row for row in rows if row["sequence"] == "all"], COLUMNS))
-    print("\nbarometer alone, streets of equal segments")
-    print(text_table(streets, STREET_COLUMNS))
-    write_json(args.json, [*rows, *streets])
+    for name, of_table in rows.items():
+        title, columns = TABLES[name]
+        print(f"{title}\n{text_table([r for r in of_table if r.get('sequence', 'all') == 'all'], columns)}\n")
+    write_json(args.json, [row for of_table in rows.values() for row in of_table])
 
 
 if __name__ == "__main__":

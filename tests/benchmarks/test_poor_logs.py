@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 import poor_logs
 from accuracy.logs import low_passed
@@ -44,3 +48,8 @@ def test_a_rung_that_yields_nothing_has_a_row() -> None:
     row = poor_logs.summarise({poor_logs.RECEIVER: nothing, NOISE_FREE: nothing})
     assert row["coverage"] == 0.0
     assert "rmse_percent" not in row
+
+
+def test_tables_are_named(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match="--tables takes some of ladder,streets,filtered"):
+        poor_logs.run(Namespace(tables="ladder,towns"), tmp_path)
