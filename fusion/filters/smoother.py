@@ -74,6 +74,10 @@ class LinearModel:
         """What ``smooth`` says of the model itself, in half its time."""
         return self._scores(np.empty((0, 0)), np.empty((0, 0, 0)))
 
+    def log_likelihood(self) -> float:
+        """That of the measurements, in half the time of ``scores``."""
+        return self._forward(self.seen, self.first_row, np.empty((0, 0)), np.empty((0, 0, 0)))[-1]
+
     def _scores(self, mean: Floats, covariance: Floats) -> Scores:
         """Fills ``mean`` and ``covariance``, where they have room, by the states that are seen."""
         n, d = self.transition.shape[:2]
@@ -86,7 +90,7 @@ class LinearModel:
             np.flatnonzero(self.seen), moves, self.transition, self.first_row, self.design, mean, covariance,
             innovation, scale, gain, residual, precision, pull, pull_precision,
         )  # fmt: skip
-        return Scores(residual / precision, 1.0 / precision, pull, pull_precision, float(likelihood))
+        return Scores(residual / precision, 1.0 / precision, pull, pull_precision, likelihood)
 
     def _forward(
         self, wanted: Bools, first_row: Ints, mean: Floats, covariance: Floats
@@ -99,7 +103,7 @@ class LinearModel:
             states, moves, self.transition, self.noise, self.mean, self.covariance, first_row, self.design, self.value,
             self.variance, mean, covariance, innovation, scale, gain,
         )  # fmt: skip
-        return moves, innovation, scale, gain, likelihood
+        return moves, innovation, scale, gain, float(likelihood)
 
 
 StepNoise = Mapping[tuple[int, int], Floats]

@@ -1,7 +1,8 @@
 """Heights along a segment as a few numbers: height and grade at knots, a cubic between them.
 
 Between two knots at distance d, with the grade a random walk of variance q per metre, the cubic of Hermite is the
-conditional mean of the road's height, and what is left of it is known in closed form. The knots depend on the
+conditional mean of the road's height, and what is left of it is known in closed form. Knots are so near that a grade
+which goes back to level over a length (``grade_noise``) hardly differs between them. The knots depend on the
 segment's length alone, so that everything which was ever said about a segment speaks of the same numbers. Neither
 drives nor neighbouring segments are known here.
 """
@@ -139,12 +140,47 @@ def place_rows(length_m: Floats) -> tuple[Floats, Floats]:
     return 6 * start / length**2 + 3 * slope / length, 6 * end / length**2 - 3 * slope / length
 
 
-def smoothness_block(spacing_m: ArrayLike) -> Floats:
+RANDOM_WALK_M = 1e9
+"""A correlation length that is none: over any segment such a grade is a random walk."""
+_NEAR = 0.03
+"""Below this share of the correlation length series are exact to 1e-5, where the closed forms cancel."""
+
+
+def grade_noise(spacing_m: ArrayLike, grade_length_m: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Variances over steps ds for q = 1: of the height (m^2), of height and grade (m), of the grade.
+
+    The grade is an Ornstein-Uhlenbeck process: it goes back to level over a correlation length, dg = -g / length ds +
+    sqrt(q) dW (van Kampen 2007, IV.3; the height is its integral). Far below that length it is a random walk: ds^3 / 3,
+    ds^2 / 2 and ds. Shapes are broadcast.
+    """
+    d, length = np.asarray(spacing_m, float), np.asarray(grade_length_m, float)
+    share = d / length
+    near = share < _NEAR
+    x = np.where(near, 1.0, share)
+    a = np.exp(-x)
+    height = np.where(
+        near, 1 / 3 - share / 4 + 7 * share**2 / 60, (x - 2 * (1 - a) + 0.5 * (1 - a**2)) / x**3
+    )
+    both = np.where(near, 0.5 - share / 2 + 7 * share**2 / 24, 0.5 * ((1 - a) / x) ** 2)
+    grade = np.where(near, 1 - share + 2 * share**2 / 3, 0.5 * (1 - a**2) / x)
+    return height * d**3, both * d**2, grade * d
+
+
+def grade_carried(spacing_m: ArrayLike, grade_length_m: ArrayLike) -> tuple[Floats, Floats]:
+    """How far (m) a height follows the grade at the beginning of a step, and what is left of the grade at its end."""
+    decay = np.expm1(-np.asarray(spacing_m, float) / grade_length_m)
+    return -np.asarray(grade_length_m, float) * decay, 1 + decay
+
+
+def smoothness_block(spacing_m: ArrayLike, grade_length_m: ArrayLike = RANDOM_WALK_M) -> Floats:
     """Information (..., 4, 4) over (h0, g0, h1, g1) of intervals of these spacings (...) for q = 1."""
-    d = np.asarray(spacing_m, float)
+    d, length = np.broadcast_arrays(np.asarray(spacing_m, float), np.asarray(grade_length_m, float))
     step, inverse = np.zeros((*d.shape, 2, 4)), np.empty((*d.shape, 2, 2))
+    run, left = grade_carried(d, length)
     step[..., [0, 1], [0, 1]], step[..., [0, 1], [2, 3]] = -1.0, 1.0
-    step[..., 0, 1] = -d
-    inverse[..., 0, 0], inverse[..., 1, 1] = 12 / d**3, 4 / d
-    inverse[..., 0, 1] = inverse[..., 1, 0] = -6 / d**2
+    step[..., 0, 1], step[..., 1, 1] = -run, -left
+    height, both, grade = grade_noise(d, length)
+    determinant = height * grade - both**2
+    inverse[..., 0, 0], inverse[..., 1, 1] = grade / determinant, height / determinant
+    inverse[..., 0, 1] = inverse[..., 1, 0] = -both / determinant
     return np.asarray(step.swapaxes(-1, -2) @ inverse @ step)

@@ -18,10 +18,15 @@ import numpy as np
 
 from fusion.types import Bools, Floats, Ints
 
-CONSTANTS = ("mount pitch", "force bias", "squat", "altimeter lag", "place east", "place north")
-"""Unknowns of a drive: grade, grade, grade per m/s^2, seconds; and of a part of it, the error of its positions in units
-of one sigma."""
-CONSTANT_SIGMA = (0.3, 0.03, 0.005, 4.0, 1.0, 1.0)
+CONSTANTS = (
+    "mount pitch", "force bias", "squat", "altimeter lag", "place east", "place north", "speed pressure",
+)  # fmt: skip
+"""Unknowns of a drive: grade, grade, grade per m/s^2, seconds; of a part of it, the error of its positions in units of
+one sigma; and again of the drive, the share of the dynamic pressure that its barometer feels."""
+USUAL_SPEED_PRESSURE = 0.15
+"""That share for a sensor in or on a vehicle, of either sign. In a cabin it is 0.07: 100 km/h (4.6 hPa) make 0.3 hPa
+there. In the wind it is more."""
+CONSTANT_SIGMA = (0.3, 0.03, 0.005, 4.0, 1.0, 1.0, USUAL_SPEED_PRESSURE)
 """What is believed of each before the drive: nothing worth the name of the mount and the lag; a bias of 0.3 m/s^2 and
 squat of half a degree a m/s^2 are large ones (spec 7)."""
 PLACE_PART_S, PLACE_TAU_S = 30.0, 120.0
@@ -30,15 +35,17 @@ that error really lasts: as long as that of GNSS heights (spec 7). Parts that kn
 and made a change reach a mile."""
 HEIGHT_SENSORS = ("altitude", "barometer")
 """Sensors of height whose errors walk at random, m: one unknown each where a pass begins and where it ends."""
-MOUNT, BIAS, SQUAT, LAG, EAST, NORTH = range(6)
+MOUNT, BIAS, SQUAT, LAG, EAST, NORTH, SPEED_PRESSURE = range(7)
 SETTINGS = {MOUNT: "mount", EAST: "place", NORTH: "place"}
 """Constants that hold for passes with equal numbers only, and the name of that number; the others for the drive."""
-ENTRY = slice(6, 8)
-EXIT = slice(8, 10)
-NUISANCES = 10
+ENTRY = slice(7, 9)
+EXIT = slice(9, 11)
+NUISANCES = 11
 """The drive's unknowns behind the knots: the constants, then the height errors at entry, then those at exit."""
 
-_HEAD = 13
+_HEAD = 15
+_FORMAT = -2.0
+"""The first number of a stored factor; below 0, for formats before this one began with the number of the mount."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -69,6 +76,8 @@ class PassFactor:
     place: int = 0
     lag_s: float = 0.0
     """How late the altimeter was taken for when its heights were put in their places"""
+    grade_length_m: float = 0.0
+    """Over how many metres the drive learned that grades go back to level; 0: it did not"""
     condensed: int = 0
     """How many passes of other drives it stands for (``fusion.network.condensed``); 0: it is one pass"""
 
@@ -105,18 +114,23 @@ class PassFactor:
     def decode_all(cls, stored: Sequence[tuple[bytes, int, int]]) -> list[Self]:
         """``decode`` of many (data, segment, sequence): those of one shape at once, for a window has thousands."""
         alike: dict[tuple[int, bytes], list[int]] = {}
-        for k, (data, _, _) in enumerate(stored):
+        read: list[bytes] = []
+        for k, (told, _, _) in enumerate(stored):
+            data = told if told[:8] == _FORMAT_BYTES else _of_version_1(told)
+            read.append(data)
             alike.setdefault((len(data), data[8 * _HEAD : 8 * _HEAD + 8]), []).append(k)
         out: dict[int, Self] = {}
         for members in alike.values():
-            numbers, vector, information = _unpacked([stored[k][0] for k in members])
+            numbers, vector, information = _unpacked([read[k] for k in members])
             for at, k in enumerate(members):
                 (
-                    mount, square, rows, walk_a, walk_b, start, end, roughness, observations, first, last, place, lag,
+                    _, mount, square, rows, walk_a, walk_b, start, end, roughness, observations, first, last, place,
+                    lag, grade_length_m,
                 ) = numbers[at]  # fmt: skip
                 out[k] = cls(
                     stored[k][1], stored[k][2], int(mount), information[at], vector[at], square, int(rows),
                     (walk_a, walk_b), start, end, roughness, int(observations), first, last, int(place), lag,
+                    grade_length_m,
                 )  # fmt: skip
         return [out[k] for k in range(len(stored))]
 
@@ -135,8 +149,9 @@ def _packed(factors: Sequence[PassFactor]) -> list[bytes]:
     """The inverse of ``_unpacked``, for factors whose vectors have one length."""
     head = [
         (
-            f.mount, f.square, f.rows, *f.walk_m2_per_s, f.start_m, f.end_m, f.roughness,
+            _FORMAT, f.mount, f.square, f.rows, *f.walk_m2_per_s, f.start_m, f.end_m, f.roughness,
             f.observations, f.first_time_s, f.last_time_s, f.place, f.lag_s,
+            f.grade_length_m,
         )
         for f in factors
     ]  # fmt: skip
@@ -173,6 +188,17 @@ def _unpacked(data: Sequence[bytes]) -> tuple[list[list[float]], Floats, Floats]
     row, column = (columns[v] for v in np.triu_indices(count))
     information[:, row, column] = information[:, column, row] = values[:, _HEAD + 1 + count :]
     return values[:, :_HEAD].tolist(), vector, information
+
+
+_FORMAT_BYTES = np.array([_FORMAT], "<f8").tobytes()
+
+
+def _of_version_1(data: bytes) -> bytes:
+    """A factor that was stored before version 2, in which no pass knew of a speed pressure or of a grade's length."""
+    old = np.frombuffer(data, "<f8")
+    head, used, rest = old[:13], int(old[13]), old[14:]
+    mask = (used & 0b111111) | (used & ~0b111111) << 1
+    return np.concatenate([[_FORMAT], head, [0.0, mask], rest]).astype("<f8").tobytes()
 
 
 def symmetric(upper: Floats, size: int) -> Floats:

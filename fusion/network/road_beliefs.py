@@ -12,7 +12,7 @@ from scipy import sparse
 
 from fusion.arrays import counted
 from fusion.frames import METRES_PER_DEGREE
-from fusion.network.curve import smoothness_block
+from fusion.network.curve import RANDOM_WALK_M, smoothness_block
 from fusion.network.equations import Blocks, Solution
 from fusion.network.joints import couplings
 from fusion.network.pass_factor import PassFactor
@@ -77,15 +77,18 @@ class RoadBeliefs:
         self.levels.weight = _level_information(u)[row]
         self._row, self._step = row, step = counted(u.intervals)
         first = u.first[row] + 2 * step
-        unit = smoothness_block((u.length_m / u.intervals)[row])
+        self._places = Places(network)
+        measured = [p for p in passes if p.rows]  # the others know nothing of roads
+        told = [p for p in measured if p.grade_length_m]
+        lengths = _as_drives_learned(self._places, told, "grade_length_m", RANDOM_WALK_M)
+        unit = smoothness_block((u.length_m / u.intervals)[row], self._places.at_rows(lengths)[row])
         none = np.zeros((len(row), 4))
         self.roughness = Blocks(first[:, None] + np.arange(4), unit, none, np.ones(len(row)))
         self.factor = np.where(u.structure[row], STRUCTURE_FACTOR, 1.0)
-        self._places = Places(network)
         _, kind = np.unique(network.highway.astype(str), return_inverse=True)
         self._places_of_class = Places(network, kind)
-        measured = [p for p in passes if p.rows]  # the others know nothing of roads
-        self._begin = _as_drives_learned(self._places, measured)
+        learned = _as_drives_learned(self._places, measured, "roughness", DEFAULT_ROUGHNESS)
+        self._begin = np.clip(learned, *ROUGHNESS_BOUNDS)
         self.usual = self._places.at_rows(self._begin)
         """The usual roughness about each segment (n,), 1/m"""
         self._open = _open_intervals(u, row, step, measured)
@@ -122,15 +125,13 @@ class RoadBeliefs:
             self.usual = place * of_class.at_rows(more)
 
 
-def _as_drives_learned(places: Places, passes: Sequence[PassFactor]) -> Floats:
+def _as_drives_learned(places: Places, passes: Sequence[PassFactor], name: str, default: float) -> Floats:
     """The mean (of logs) of what drives learned of themselves about each place (c,); far from all, that of all."""
     row = np.array([p.segment for p in passes], np.int64)
     count = np.array([max(p.condensed, 1) for p in passes] or [1], float)
-    learned = count * np.log([p.roughness for p in passes] or [DEFAULT_ROUGHNESS])
+    learned = count * np.log([getattr(p, name) for p in passes] or [default])
     total = places.sums(row, learned[: len(row)]) + FAR_SHARE * learned.sum() / count.sum()
-    return np.asarray(
-        np.clip(np.exp(total / (places.sums(row, count[: len(row)]) + FAR_SHARE)), *ROUGHNESS_BOUNDS)
-    )
+    return np.asarray(np.exp(total / (places.sums(row, count[: len(row)]) + FAR_SHARE)))
 
 
 def _level_information(u: RoadUnknowns) -> Floats:

@@ -2,18 +2,21 @@
 
 Passes that count are chosen and numbered. The measurements of each are summed into a likelihood over the knots of the
 road and the drive's own errors. Errors that belong to one pass alone are integrated out: the wander of the mount on its
-springs, and the way that a height sensor's error takes. Errors that the drive carries on stay unknowns. No other drive
-is known here.
+springs, gusts at the barometer, and the way that a height sensor's error takes. Errors that the drive carries on stay
+unknowns. No other drive is known here.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from fusion.compiled import compiled
 from fusion.network.curve import variable_count
 from fusion.network.pass_factor import NUISANCES, PLACE_PART_S, PLACE_TAU_S, PassFactor
-from fusion.profile.model import DRIFT, JUMP_SIGMA, MOUNT
+from fusion.profile.levels import knows_lengths
+from fusion.profile.model import DRIFT, GUST_TAU_S, JUMP_SIGMA, MOUNT
 from fusion.profile.path import DrivenPath
 from fusion.profile.traversals import (
     PLACE_SIGMA_M,
@@ -65,7 +68,8 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
     """Fill ``information``, ``vector`` and ``square`` (see ``likelihoods``) from the measurements of each pass.
 
     The unknowns of a pass are, in this order: the knots, the constants, two height errors at entry, two height errors
-    now (those at exit once all is summed), and the pass's own errors, which are integrated out.
+    now (those at exit once all is summed), and the pass's own errors, which are integrated out; the last of these
+    comes and goes (``GUST_TAU_S``).
     """
     variable, weights, constants, passing, height_sensor, value, variance, time_s, first = data
     present = np.zeros(2, np.bool_)
@@ -84,6 +88,7 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
             matrix[n + a, n + a] = 1.0
         total = 0.0
         last = np.full(2, enter_s[k])
+        gust_s = enter_s[k]
         for s in range(2):
             if present[s]:
                 # Entry and now are one at first: a step that hardly moves joins them.
@@ -105,6 +110,11 @@ def sum_passes(  # noqa: C901, PLR0912, PLR0915 (one loop nest)
                     last[s] = max(last[s], until)
             if ending:
                 break
+            if passing[i, own - 1] != 0.0:
+                if time_s[i] > gust_s:
+                    left = math.exp((gust_s - time_s[i]) / GUST_TAU_S)
+                    total = calm(matrix, right, total, n + own - 1, max(left, 1e-3))
+                gust_s = max(gust_s, time_s[i])
             count = 0
             for a in range(4):
                 column[count], weight_of[count] = variable[i] + a, weights[i, a]
@@ -170,6 +180,16 @@ def step(matrix: Floats, right: Floats, total: float, e: int, variance: float) -
     return float(total - share * here * here)
 
 
+@compiled
+def calm(matrix: Floats, right: Floats, total: float, e: int, left: float) -> float:
+    """Let unknown ``e`` of variance 1 go on as a Gauss-Markov process of which a share ``left`` stays; in place."""
+    for a in range(len(right)):
+        matrix[a, e] /= left
+        matrix[e, a] /= left
+    right[e] /= left
+    return float(step(matrix, right, total, e, 1.0 - left * left))
+
+
 MIN_CONFIDENCE = 0.5
 """A traversal that is right with a lower probability says nothing."""
 PLACE_BOUNDS_M = (0.3, 30.0)
@@ -185,6 +205,7 @@ def pass_factors(drive: SmoothedDrive, fix: GnssFix) -> list[PassFactor]:
     walk = (learned.expected.drift, learned.expected.baro_drift)
     summed = likelihoods(data, path, walk, _times_of(drive, DRIFT))
     mount = _mount(path, _times_of(drive, MOUNT))
+    grade_length_m = learned.noise.grade_length_m if knows_lengths(drive.measured) else 0.0
     length, scale = segment_lengths(path)
     match, factors, place = path.match, [], _place(path)
     for k in np.flatnonzero(_usable(path)).tolist():
@@ -210,6 +231,7 @@ def pass_factors(drive: SmoothedDrive, fix: GnssFix) -> list[PassFactor]:
                 last_time_s=float(match.leave_time_s[k]),
                 place=int(place[k]),
                 lag_s=drive.altimeter.lag_s,
+                grade_length_m=grade_length_m,
             )
         )
     return factors

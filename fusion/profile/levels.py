@@ -13,15 +13,20 @@ import numpy as np
 from scipy import optimize
 
 from fusion.filters.smoother import LinearModel, Smoothed, StepNoise
+from fusion.frames import GRAVITY_MPS2
+from fusion.network.curve import RANDOM_WALK_M
+from fusion.network.pass_factor import USUAL_SPEED_PRESSURE
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, SENSORS, TERRAIN, Measurements
 from fusion.profile.model import (
     DRIFT_TAU_S,
+    GUST_MPS,
     RATES,
     WANDER_SIGMA,
     Jumps,
     Noise,
     SmootherEpochs,
     add_noise,
+    follow_grades,
     linear_model,
     misalignment_variance,
     step_noise,
@@ -43,6 +48,8 @@ _SIGMAS = {*WHITE.values(), "wander"}
 """Levels that are sigmas; the others are variances, for a metre or a second."""
 LOG_ROUGHNESS = (float(np.log(3e-5)), 1.5)
 """Mean and sigma of the log of the roughness (1/m): flat towns have 3e-7, hills 1e-4 (spec 7)."""
+LOG_GRADE_LENGTH = (float(np.log(60.0)), 1.0)
+"""Mean and sigma of the log of the length (m) over which grades go back to level: towns have 10, hills 300."""
 LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
 """The same for the wander of the attitude: most vehicles are alike, and a short drive can't tell the wander from the
 road's grades."""
@@ -52,8 +59,7 @@ LEAST_HEIGHT_M = 0.05
 """No receiver's height is surer than this, however smooth a filter makes it. It is stated in decimetres (NMEA 0183;
 0.03 m), the body heaves on its springs (0.03 m), and the lane has a crossfall of 2.5 % (0.01 m)."""
 LEAST_PRESSURE_HEIGHT_M = 0.1
-"""No barometer's height is surer than this on the road. A gust of 1 m/s at 15 m/s changes the dynamic pressure by
-18 Pa, which is 1.5 m, and a sensor in a cabin feels 7 % of it (``barometer.USUAL_SPEED_PRESSURE``)."""
+"""No barometer's height is surer than this on the road, gusts apart (``model.GUST_MPS``)."""
 _STEPS = 10
 """The optimisation ends after so many steps."""
 _CLOSE = 0.05
@@ -65,6 +71,8 @@ _SHARE_TOLD = 0.3
 _BEND_STEP = 0.3
 """Upward step of a log over which the bend of the likelihood is taken. Errors of a level matter from about this size
 on, and it is the upward ones that the expected variances come from."""
+_LENGTH_STEP = 0.05
+"""Step of the log of a grade's length over which the likelihood's derivative is taken."""
 MOST_UNCERTAIN = 1.0
 """The largest sigma of a log that is counted. Beyond it the prior's tail would speak almost alone."""
 
@@ -80,8 +88,16 @@ def prior_noise(measured: Measurements) -> Noise:
     return Noise(
         altitude_m=float(np.clip(v_acc / 6, 0.1, 1.5)),
         drift=2 * v_acc**2 / DRIFT_TAU_S,
+        gust_m=_gust(measured),
         dem_m=_dem_sigma(measured),
     )
+
+
+def _gust(measured: Measurements) -> float:
+    """What gusts add to a barometer's height, m: they change the dynamic pressure in proportion to the speed."""
+    pressed = measured.sensor == BARO
+    speed = float(np.median(measured.speed_mps[pressed])) if pressed.any() else 0.0
+    return USUAL_SPEED_PRESSURE * max(speed, 1.0) * GUST_MPS / GRAVITY_MPS2
 
 
 def _dem_sigma(measured: Measurements) -> float:
@@ -131,7 +147,10 @@ def normalised_square(smoothed: Smoothed, variance: Floats, usual: Floats) -> Fl
     The expected square comes from the ``usual`` variance. The present variance holds the robust weight: with it,
     weights would come and go from round to round.
     """
-    return np.asarray(smoothed.residual**2 / (smoothed.residual_variance - variance + usual))
+    without = np.maximum(
+        smoothed.residual_variance - variance, 0.0
+    )  # of tiny weights rounding leaves anything
+    return np.asarray(smoothed.residual**2 / (without + usual))
 
 
 def _prior(name: str, start: Noise) -> tuple[float, float]:
@@ -140,6 +159,8 @@ def _prior(name: str, start: Noise) -> tuple[float, float]:
         return LOG_ROUGHNESS
     if name == "wander":
         return LOG_WANDER
+    if name == "grade_length_m":
+        return LOG_GRADE_LENGTH
     return float(np.log(getattr(start, name))), LOG_SPREAD if name in WHITE.values() else LOG_RATE_SPREAD
 
 
@@ -147,12 +168,14 @@ def most_likely(
     measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
 ) -> Noise:
     """Levels near the most likely ones, from ``noise`` on, held by weak priors about ``start``."""
+    if noise.grade_length_m == RANDOM_WALK_M and knows_lengths(measured):
+        noise = noise.with_(grade_length_m=float(np.exp(LOG_GRADE_LENGTH[0])))
     likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
     names = likelihood.names
     mean, sigma = np.array([_prior(n, start) for n in names]).T
     begin = np.log([getattr(noise, n) for n in names])
     counts: list[float] = [2 * int(np.sum(measured.sensor == sensor)) for sensor in likelihood.white]
-    counts += [len(epochs.time_s) / 8] * len(likelihood.parts)
+    counts += [len(epochs.time_s) / 8] * (len(names) - len(counts))
     scale = np.sqrt(_SHARE_TOLD * np.array(counts) + sigma**-2)
 
     def at(step: Floats) -> Noise:
@@ -207,10 +230,19 @@ def expected(noise: Noise, log_sigma: Mapping[str, float]) -> Noise:
 
     Of a level that is a sigma itself, twice its log is meant.
     """
-    power = {name: 1.0 if name in _SIGMAS else 0.5 for name in log_sigma}
+    power = {name: 1.0 if name in _SIGMAS else 0.5 for name in log_sigma if name != "grade_length_m"}
     return noise.with_(
         **{n: getattr(noise, n) * float(np.exp(p * log_sigma[n] ** 2)) for n, p in power.items()}
     )
+
+
+def knows_lengths(measured: Measurements) -> bool:
+    """Whether a drive may learn over which length grades go back to level.
+
+    The error of a height that walks in time looks like a road whose grade has a short length; so do bursts of bad
+    Doppler, and so do springs. It takes both kinds of grades to tell them apart.
+    """
+    return bool((measured.sensor == DOPPLER).any() and np.isin(measured.sensor, (PITCH, FORCE)).any())
 
 
 def _learned(measured: Measurements) -> tuple[dict[int, str], list[str]]:
@@ -236,6 +268,7 @@ class _Likelihood:
     noise: Noise
     unit: Floats
     misalignment: Floats
+    epochs: SmootherEpochs
     model: LinearModel
     fixed: Floats
     parts: dict[str, StepNoise]
@@ -254,29 +287,44 @@ class _Likelihood:
         others = [name for name in RATES if name not in rates]
         fixed = steps_noise(epochs, noise, jumps, others)
         parts = {name: step_noise(epochs, noise, name) for name in rates}
-        return cls(measured, white, noise, unit, misalignment, model, fixed, parts)
+        return cls(measured, white, noise, unit, misalignment, epochs, model, fixed, parts)
 
     @property
     def names(self) -> list[str]:
-        """The levels: white ones and then rates."""
-        return [*self.white.values(), *self.parts]
+        """The levels: white ones, then rates, and last the grade's length where the drive may learn it."""
+        return [*self.white.values(), *self.parts, *["grade_length_m"][: knows_lengths(self.measured)]]
 
     def at(self, noise: Noise) -> tuple[float, Floats]:
         """The log-likelihood, and its derivatives by the logs of the levels, in the order of ``names``."""
         sensor = self.measured.sensor
         variance = white_level(sensor, noise) ** 2 * self.unit + self.misalignment
-        total, factors = self.fixed.copy(), {}
-        for name, part in self.parts.items():
-            factors[name] = (getattr(noise, name) / getattr(self.noise, name)) ** (
-                2 if name == "wander" else 1
-            )
-            add_noise(total, {entry: factors[name] * value for entry, value in part.items()})
-        scores = self.model.at_levels(total, variance).scores()
+        model, parts = self._at(noise, variance)
+        scores = model.scores()
         white = scores.level_score(variance) * (1 - self.misalignment / variance)
         by_sensor = np.bincount(sensor, white, len(SENSORS))
         slopes = [2 * float(by_sensor[code]) for code in self.white]
-        slopes += [
-            (2 if name == "wander" else 1) * factors[name] * scores.noise_score(part)
-            for name, part in self.parts.items()
-        ]
+        slopes += [_power(name) * scores.noise_score(part) for name, part in parts.items()]
+        if knows_lengths(self.measured):
+            longer = noise.with_(grade_length_m=noise.grade_length_m * float(np.exp(_LENGTH_STEP)))
+            there = self._at(longer, variance)[0].log_likelihood()
+            slopes.append((there - scores.log_likelihood) / _LENGTH_STEP)
         return scores.log_likelihood, np.array(slopes)
+
+    def _at(self, noise: Noise, variance: Floats) -> tuple[LinearModel, dict[str, StepNoise]]:
+        """The model at some levels, until the next is asked for; and its parts."""
+        parts: dict[str, StepNoise] = {}
+        for name, part in self.parts.items():
+            factor = (getattr(noise, name) / getattr(self.noise, name)) ** _power(name)
+            parts[name] = {entry: factor * value for entry, value in part.items()}
+        if noise.grade_length_m != self.noise.grade_length_m:
+            parts["roughness"] = step_noise(self.epochs, noise, "roughness")
+        total = self.fixed.copy()
+        for part in parts.values():
+            add_noise(total, part)
+        follow_grades(self.model.transition, self.epochs, noise.grade_length_m)
+        return self.model.at_levels(total, variance), parts
+
+
+def _power(rate: str) -> int:
+    """The power of a level that its variance is proportional to."""
+    return 2 if rate == "wander" else 1

@@ -5,7 +5,6 @@ Knows sensors and the path, but neither how measurements are weighed nor what is
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,16 +66,14 @@ def build_measurements(
     dem: Dem | None,
     use: frozenset[int],
     altitude_lag_s: float = 0.0,
-    speed_pressure: float = 0.0,
 ) -> Measurements:
     """All measurements of the sensors ``use`` that lie on the path; ``log`` has its inertial data set right.
 
-    Altitudes that are late by ``altitude_lag_s`` belong to where the vehicle was then. ``speed_pressure`` is the share
-    of the dynamic pressure that is taken off the barometer's.
+    Altitudes that are late by ``altitude_lag_s`` belong to where the vehicle was then.
     """
     driven = speeds(log, path)
     parts = []
-    for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure(speed_pressure))):
+    for sensor, build in enumerate((_altitude, _doppler, _pitch, _force, _pressure)):
         if sensor in use:
             time, value, stated_sigma = build(log, path, driven)
             time = time - altitude_lag_s if sensor == ALTITUDE else time
@@ -202,15 +199,11 @@ def _force(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:
         return time, sine / np.sqrt(1 - sine**2), np.full(len(time), np.nan)
 
 
-def _pressure(share: float) -> Callable[[DriveLog, DrivenPath, Speeds], Column]:
-    """Height by the air's pressure; its drift is the filter's affair."""
-
-    def heights(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:
-        at, height = pressure_heights(log.pressure, share, *driven)
-        time, value = binned(at, PERIOD_S[BARO], height)
-        return time, value, np.full(len(time), np.nan)
-
-    return heights
+def _pressure(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:
+    """Height by the air's pressure; its drift and what driving does to it are the filter's affair."""
+    at, height = pressure_heights(log.pressure)
+    time, value = binned(at, PERIOD_S[BARO], height)
+    return time, value, np.full(len(time), np.nan)
 
 
 def _terrain(path: DrivenPath, dem: Dem, driven: Speeds) -> Measurements:

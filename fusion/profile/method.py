@@ -17,19 +17,15 @@ from fusion.network.adjust import adjust
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
-from fusion.profile.barometer import set_right_share, speed_pressure
-from fusion.profile.blocks import NOTHING, Estimate
 from fusion.profile.factors import pass_factors
 from fusion.profile.inertia import Inertia, set_right
 from fusion.profile.levels import prior_noise
 from fusion.profile.measurements import (
     ALTITUDE,
-    BARO,
     FORCE,
     PITCH,
     SENSORS,
     build_measurements,
-    speeds,
 )
 from fusion.profile.model import build_smoother_epochs
 from fusion.profile.noise import learn
@@ -80,19 +76,17 @@ class ProfileOptions(Options):
 
 @dataclass(frozen=True, eq=False)
 class _PreparedDrive:
-    """A drive on its path with its inertial data set right, and what was found wrong with them and with pressures."""
+    """A drive on its path with its inertial data set right, and what was found wrong with them."""
 
     log: DriveLog
     path: DrivenPath
     inertia: Inertia | None
-    speed_pressure: Estimate
 
     @classmethod
     def of(cls, log: DriveLog, path: DrivenPath, use: frozenset[int]) -> _PreparedDrive:
         """Of sensors that are in ``use`` alone."""
         right, inertia = set_right(log) if use & {PITCH, FORCE} else (log, None)
-        felt = speed_pressure(log, *speeds(log, path)) if BARO in use else NOTHING
-        return cls(right, path, inertia, felt)
+        return cls(right, path, inertia)
 
 
 class ProfileMethod:
@@ -135,7 +129,7 @@ class ProfileMethod:
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain)
         track = build_track(drive)
-        report = drive_report(log, drive, factors, raw.inertia, raw.speed_pressure)
+        report = drive_report(log, drive, factors, raw.inertia)
         drawn = drawn_measurements(drive)
 
         def late_by(lag_s: float) -> tuple[PassFactor, ...]:
@@ -170,8 +164,7 @@ def _in_steps(height_m: Floats) -> bool:
 def _smooth(
     raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter
 ) -> SmoothedDrive:
-    share = set_right_share(raw.speed_pressure)
-    measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s, share)
+    measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s)
     if len(measured) < MIN_MEASUREMENTS:
         raise MissingSensorError(
             f"Method 'profile' found {len(measured)} usable measurement(s) of height or grade on roads (used: "

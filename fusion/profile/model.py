@@ -13,15 +13,21 @@ import numpy as np
 
 from fusion.arrays import nearest
 from fusion.filters.smoother import LinearModel, StepNoise
+from fusion.network.curve import RANDOM_WALK_M, grade_carried, grade_noise
+from fusion.network.pass_factor import USUAL_SPEED_PRESSURE
+from fusion.profile.barometer import speed_head
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
 from fusion.profile.path import DrivenPath
 from fusion.types import Bools, Floats, Ints
 
-HEIGHT, GRADE, DRIFT, MOUNT, BIAS, SQUAT, BARO_DRIFT, DEM_ERROR, WANDER = range(9)
+(
+    HEIGHT, GRADE, DRIFT, MOUNT, BIAS, SQUAT, BARO_DRIFT, DEM_ERROR, WANDER, GUST, SPEED_PRESSURE,
+) = range(11)  # fmt: skip
 """The states: height of the road (m) and its grade along the path, error of the GNSS height (m), mount pitch (as a
-grade), bias of the accelerometer (over g), squat (grade per m/s^2), errors of the barometer and of the DEM (m), and
-the wander of the vehicle's attitude about its mount (as a grade)."""
-STATES = 9
+grade), bias of the accelerometer (over g), squat (grade per m/s^2), errors of the barometer and of the DEM (m), the
+wander of the vehicle's attitude about its mount (as a grade), what gusts add to the barometer's error (m), and the
+share of the dynamic pressure that it feels."""
+STATES = 11
 
 DRIFT_TAU_S = 120.0
 """Correlation time of GNSS height errors: minutes for every class of receiver. What is learned is the rate."""
@@ -37,7 +43,11 @@ WANDER_SIGMA = 0.005
 """What a vehicle's attitude usually wanders by about its mount, as a grade: load, wind, fuel (spec 7: 0.3 to 0.5 %)."""
 WANDER_TAU_S = 5.0
 """For so long a vehicle leans: between the swing of its springs, a second, and a change of its load."""
-_START_SIGMA = (100.0, 0.1, 30.0, 0.3, 0.03, 0.005, 100.0, 30.0, WANDER_SIGMA)
+GUST_MPS, GUST_TAU_S = 1.5, 4.0
+"""What the wind along a vehicle varies by, and for how long: near the ground gusts are a quarter to a third of a wind
+of 5 m/s, in eddies of 50 to 100 m (Panofsky and Dutton 1984); so are the wakes of other vehicles. Roads and gusts look
+alike to a barometer, so it can't learn them."""
+_START_SIGMA = (100.0, 0.1, 30.0, 0.3, 0.03, 0.005, 100.0, 30.0, WANDER_SIGMA, 1.0, USUAL_SPEED_PRESSURE)
 """What is believed of each state at the beginning: nothing of levels, little of grade and mount pitch."""
 _NEW_RUN = (1e4, 0.1**2)
 """Variance of height (m^2) and grade that is added where the path begins anew: as good as unknown."""
@@ -52,14 +62,16 @@ _PARTNER_S, _PARTNER_M = 0.3, 8.0
 class Noise:
     """Noise levels of a drive, one sigma unless said otherwise.
 
-    ``roughness``: variance of the grade's change per metre of road (1/m). ``altitude_m``: white part of the GNSS
+    ``roughness``: variance of the grade's change per metre of road (1/m); ``grade_length_m``: over so much of it grades
+    go back to level. ``altitude_m``: white part of the GNSS
     height; ``drift``: variance per second by which its error changes (m^2/s). ``doppler``: factor on the stated one.
     ``pitch``, ``force``: grade seen by the sensor against the road's, springs included; ``shared``: the part of a
     pitch error that the force shows as well. ``wander``: slow part of both, a grade. ``baro_m``, ``baro_drift``
-    (m^2/s) as for the altitude. ``dem_m``: DEM.
+    (m^2/s) as for the altitude; ``gust_m``: what gusts add to it. ``dem_m``: DEM.
     """
 
     roughness: float = 3e-5
+    grade_length_m: float = RANDOM_WALK_M
     altitude_m: float = 0.5
     drift: float = 0.15
     doppler: float = 1.0
@@ -69,6 +81,7 @@ class Noise:
     wander: float = WANDER_SIGMA
     baro_m: float = 0.3
     baro_drift: float = 0.01
+    gust_m: float = 0.1
     dem_m: float = 5.0
 
     def with_(self, **changes: float) -> Noise:
@@ -135,7 +148,8 @@ def design(measured: Measurements, share: Floats) -> Floats:
     heights = np.isin(sensor, (ALTITUDE, BARO, TERRAIN))
     out[heights, HEIGHT] = 1.0
     out[sensor == ALTITUDE, DRIFT] = 1.0
-    out[sensor == BARO, BARO_DRIFT] = 1.0
+    out[np.ix_(sensor == BARO, (BARO_DRIFT, GUST))] = 1.0
+    out[:, SPEED_PRESSURE] = np.where(sensor == BARO, -speed_head(measured.speed_mps), 0.0)
     out[sensor == TERRAIN, DEM_ERROR] = 1.0
     out[~heights, GRADE] = 1.0 - share[~heights]
     felt = np.isin(sensor, (PITCH, FORCE))
@@ -185,8 +199,8 @@ def step_noise(epochs: SmootherEpochs, noise: Noise, name: str) -> StepNoise:
     """What one of ``RATES`` adds to the steps' noise: also the derivative by the log of the variance."""
     dt, ds = _steps(epochs)
     if name == "roughness":
-        q = noise.roughness
-        return {(HEIGHT, HEIGHT): q * ds**3 / 3, (GRADE, HEIGHT): q * ds**2 / 2, (GRADE, GRADE): q * ds}
+        q, (height, both, grade) = noise.roughness, grade_noise(ds, noise.grade_length_m)
+        return {(HEIGHT, HEIGHT): q * height, (GRADE, HEIGHT): q * both, (GRADE, GRADE): q * grade}
     if name == "drift":
         return {(DRIFT, DRIFT): 0.5 * noise.drift * DRIFT_TAU_S * (1 - np.exp(-2 * dt / DRIFT_TAU_S))}
     if name == "wander":
@@ -220,6 +234,7 @@ def steps_noise(
     q[:, HEIGHT, HEIGHT] += np.where(fresh, _NEW_RUN[0], 0.0)
     q[:, GRADE, GRADE] += epochs.grade_change_variance + np.where(fresh, _NEW_RUN[1], 0.0)
     q[:, MOUNT, MOUNT] = _MOUNT_WALK * dt
+    q[:, GUST, GUST] = noise.gust_m**2 * (1 - np.exp(-2 * dt / GUST_TAU_S))
     for k, state in jumps:
         q[k, state, state] += JUMP_SIGMA[state] ** 2
     q[:, DEM_ERROR, DEM_ERROR] = noise.dem_m**2 * (1 - np.exp(-2 * ds / DEM_LENGTH_M))
@@ -238,9 +253,10 @@ def linear_model(
     n = len(epochs.time_s)
     dt, ds = _steps(epochs)
     transition = np.broadcast_to(np.eye(STATES), (n, STATES, STATES)).copy()
-    transition[:, HEIGHT, GRADE] = np.where(_fresh(epochs), 0.0, ds)
+    follow_grades(transition, epochs, noise.grade_length_m)
     transition[:, DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
     transition[:, WANDER, WANDER] = np.exp(-dt / WANDER_TAU_S)
+    transition[:, GUST, GUST] = np.exp(-dt / GUST_TAU_S)
     transition[:, DEM_ERROR, DEM_ERROR] = np.exp(-ds / DEM_LENGTH_M)
     clean, share = decorrelated(measured, noise)
     mean = np.zeros(STATES)
@@ -253,3 +269,10 @@ def linear_model(
         transition, steps_noise(epochs, noise, jumps), mean, np.diag(np.square(_START_SIGMA)), epochs.of_measurement,
         design(measured, share), clean.value, variance,
     )  # fmt: skip
+
+
+def follow_grades(transition: Floats, epochs: SmootherEpochs, grade_length_m: float) -> None:
+    """Let heights follow the grades, and these go back to level, in transitions (n, STATES, STATES), in place."""
+    run, left = grade_carried(_steps(epochs)[1], grade_length_m)
+    transition[:, HEIGHT, GRADE] = np.where(_fresh(epochs), 0.0, run)
+    transition[:, GRADE, GRADE] = left

@@ -10,11 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import gammaln
 
 from fusion.filters.smoother import Smoothed
 from fusion.profile.blocks import spaced
 from fusion.profile.levels import (
     LEAST_HEIGHT_M,
+    ROBUST_INFORMATION_LOSS,
     STUDENT_T_FREEDOM,
     expected,
     expected_levels,
@@ -23,7 +25,7 @@ from fusion.profile.levels import (
     most_likely,
     normalised_square,
 )
-from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
+from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
 from fusion.profile.model import (
     JUMP_SIGMA,
     Jumps,
@@ -56,6 +58,11 @@ OUTLIER_SIGMAS = 4.0
 CORRELATED_WITHIN_S = 0.8
 """Springs swing for about a second, so errors farther apart than this are taken for independent. What neighbouring
 seconds still have in common is mostly road that the knots have not followed."""
+FREEDOMS = (2.0, 3.0, 4.0, STUDENT_T_FREEDOM)
+"""Degrees of freedom of Student's t that a sensor's tails may have in the end: heavier than usual in street canyons.
+Lighter ones were tried: white noise gains nothing by them, and errors that hang together look like it."""
+_MUTED_WEIGHT = 1e-9
+"""Weight of what has no say in learning."""
 SHARED_START = 0.8
 """The part of a pitch error in the force beside it, before anything is learned. If it began at 0, errors that both show
 would be taken for road."""
@@ -97,8 +104,7 @@ def learn(
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
-    weight = (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
-    weight = weight * _outlier_factor(square)
+    weight = np.where(_muted(measured), 1.0, _tail_weights(measured, square) * _outlier_factor(square))
     variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
     smoothed = linear_model(measured, epochs, likely, variance, jumps).smooth()
     outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
@@ -110,13 +116,16 @@ def _levels(
 ) -> tuple[Noise, Jumps, Floats, Smoothed, Floats]:
     """Levels, sudden changes, variances, the smoothed drive and new weights, found in rounds.
 
-    The variances, by which the drive is smoothed, are those of the last levels but one.
+    The variances, by which the drive is smoothed, are those of the last levels but one. The elevation model has no say
+    where anything else is known: its errors would pass for the road's shape.
     """
     jumps: Jumps = ()
     paired = bool(np.any(pitch_partner(measured) >= 0))
-    noise, weight = start.with_(shared=SHARED_START if paired else 0.0), np.ones(len(measured))
+    counts = np.where(_muted(measured), _MUTED_WEIGHT, 1.0)
+    noise, weight = start.with_(shared=SHARED_START if paired else 0.0), counts
     for _ in range(FIRST_ROUNDS):
         noise, weight = expected_levels(measured, epochs, noise, weight)
+        weight = weight * counts
     for _ in range(ROUNDS):
         noise = most_likely(measured, epochs, noise, start, weight, jumps)
         usual = gaussian_variance(measured, noise)
@@ -125,8 +134,40 @@ def _levels(
         jumps = _with_jump(epochs, smoothed, jumps)
         noise = noise.with_(**_shared(measured, epochs, noise, smoothed, variance))
         square = np.maximum(normalised_square(smoothed, variance, usual), 1e-9)
-        weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _outlier_factor(square)
+        weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _outlier_factor(square) * counts
     return noise, jumps, variance, smoothed, weight
+
+
+def _muted(measured: Measurements) -> Bools:
+    """What has no say in learning, (m,): an elevation model beside anything else."""
+    terrain = measured.sensor == TERRAIN
+    return np.asarray(terrain & ~terrain.all())
+
+
+def _tail_weights(measured: Measurements, square: Floats) -> Floats:
+    """Student's t weights (m,) with tails as heavy as each sensor shows, by squares over those of the white levels.
+
+    Whatever the tails, errors tell as much as Gaussian ones of ``gaussian_variance``.
+    """
+    weight = np.ones(len(square))
+    for sensor in np.unique(measured.sensor):
+        mine = measured.sensor == sensor
+        likelihood = np.array([_tail_likelihood(one, square[mine]) for one in FREEDOMS])
+        # Their mean by probability, so that a little more or less of a log changes weights little.
+        freedom = float(np.exp(np.average(np.log(FREEDOMS), weights=np.exp(likelihood - likelihood.max()))))
+        scaled = square[mine] * (freedom + 3) / (freedom + 1) / ROBUST_INFORMATION_LOSS
+        weight[mine] = (freedom + 1) / (freedom + scaled)
+    return weight
+
+
+def _tail_likelihood(freedom: float, square: Floats) -> float:
+    """Log-likelihood of degrees of freedom, of whatever scale."""
+    scale = 1.0
+    for _ in range(5):
+        scale = float(np.mean((freedom + 1) / (freedom + square / scale) * square))
+    density = gammaln((freedom + 1) / 2) - gammaln(freedom / 2) - 0.5 * np.log(freedom * scale)
+    tails = 0.5 * (freedom + 1) * np.sum(np.log1p(square / scale / freedom))
+    return float(len(square) * density - tails)
 
 
 def _apart(measured: Measurements) -> tuple[Bools, Floats]:

@@ -17,7 +17,6 @@ from fusion.arrays import nearest
 from fusion.filters.smoother import Smoothed
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import displaced
-from fusion.profile.barometer import set_right_share
 from fusion.profile.blocks import Estimate, spaced
 from fusion.profile.factors import MIN_CONFIDENCE
 from fusion.profile.inertia import Inertia
@@ -39,6 +38,7 @@ from fusion.profile.model import (
     GRADE,
     HEIGHT,
     MOUNT,
+    SPEED_PRESSURE,
     SQUAT,
     SmootherEpochs,
     linear_model,
@@ -166,11 +166,10 @@ def drive_report(
     drive: SmoothedDrive,
     factors: Sequence[PassFactor],
     inertia: Inertia | None,
-    speed_pressure: Estimate,
 ) -> dict[str, Any]:
     """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds.
 
-    ``inertia`` and ``speed_pressure``, the share of the dynamic pressure, are what was found before sensors were used.
+    ``inertia`` is what was found before sensors were used.
     """
     path, measured, learned = drive.path, drive.measured, drive.learned
     match, lengths = path.match, path.network.table.length_m
@@ -186,7 +185,7 @@ def drive_report(
         "own_speed_scale": ground_speed(log)[2],
         "mount": _mount(drive),
         "inertia": _inertia(inertia, measured),
-        "speed_pressure": _speed_pressure(speed_pressure, measured),
+        "speed_pressure": _speed_pressure(learned, measured),
         "height_jumps_s": [float(drive.epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
         "sensors": _contributions(measured, learned, without),
     }
@@ -228,11 +227,13 @@ def _inertia(inertia: Inertia | None, measured: Measurements) -> dict[str, Any] 
     }
 
 
-def _speed_pressure(share: Estimate, measured: Measurements) -> dict[str, Any] | None:
-    """The share of the dynamic pressure that a barometer feels, likewise; None without pressure."""
+def _speed_pressure(learned: Learned, measured: Measurements) -> dict[str, Any] | None:
+    """The share of the dynamic pressure that a barometer feels; None without pressure."""
     if not (measured.sensor == BARO).any():
         return None
-    return {"share": set_right_share(share), "found_share": _found(share)}
+    mean, covariance = learned.smoothed.mean[-1], learned.smoothed.covariance[-1]
+    share, sigma = float(mean[SPEED_PRESSURE]), float(np.sqrt(covariance[SPEED_PRESSURE, SPEED_PRESSURE]))
+    return {"share": share, "found_share": {"value": share, "sigma": sigma}}
 
 
 def _found(estimate: Estimate, unit: float = 1.0) -> dict[str, float] | None:

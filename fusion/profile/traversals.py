@@ -13,7 +13,16 @@ import numpy as np
 from fusion.network.curve import grade_variance, grade_weights, height_variance, height_weights, knot_length
 from fusion.profile.levels import ROBUST_INFORMATION_LOSS
 from fusion.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, TERRAIN, Measurements
-from fusion.profile.model import BIAS, GRADE, MOUNT, SQUAT, SmootherEpochs, decorrelated, design
+from fusion.profile.model import (
+    BIAS,
+    GRADE,
+    MOUNT,
+    SPEED_PRESSURE,
+    SQUAT,
+    SmootherEpochs,
+    decorrelated,
+    design,
+)
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath
 from fusion.types import Floats, Ints
@@ -47,11 +56,11 @@ class OnTraversals(NamedTuple):
     """The m measurements on a drive's traversals in the order of driving, ready to be summed; columns of shape (m,).
 
     Each measurement sees four knot variables: ``variable`` is the first of them, ``weights`` (m, 4) are theirs.
-    ``constants`` (m, 6) says what it sees of ``fusion.network.pass_factor.CONSTANTS``. ``passing`` (m, 2) says what
-    it sees of two errors that belong to the pass alone, in units of one sigma: the mount's wander, and the place
-    along the road. ``height_sensor`` is 0 or 1 for those of ``HEIGHT_SENSORS``, else -1. ``variance`` holds robust
-    weights, and the variance of the road between the knots. ``first`` (n + 1,): where each traversal's measurements
-    begin.
+    ``constants`` (m, 7) says what it sees of ``fusion.network.pass_factor.CONSTANTS``. ``passing`` (m, 3) says what
+    it sees of three errors that belong to the pass alone, in units of one sigma: the mount's wander, the place along
+    the road, and gusts, which come and go. ``height_sensor`` is 0 or 1 for those of ``HEIGHT_SENSORS``, else -1.
+    ``variance`` holds robust weights, and the variance of the road between the knots. ``first`` (n + 1,): where each
+    traversal's measurements begin.
     """
 
     variable: Ints
@@ -104,6 +113,7 @@ def on_traversals(drive: SmoothedDrive, place_sigma_m: Floats, common_place_m: F
                 seen[:, SQUAT],
                 late,
                 farther[:, None] * common_place_m[traversal],
+                seen[:, SPEED_PRESSURE],
             ]
         ),
         passing=np.column_stack(
@@ -111,6 +121,7 @@ def on_traversals(drive: SmoothedDrive, place_sigma_m: Floats, common_place_m: F
                 learned.expected.wander
                 * np.select([sensor == PITCH, sensor == FORCE], [1.0, 1 - share], 0.0),
                 place_sigma_m[traversal] * farther,
+                learned.expected.gust_m * (sensor == BARO),
             ]
         ),
         height_sensor=np.select([sensor == ALTITUDE, sensor == BARO], [0, 1], -1),

@@ -5,15 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
+from fusion.frames import GRAVITY_MPS2
+from fusion.network.curve import RANDOM_WALK_M
+from fusion.network.pass_factor import USUAL_SPEED_PRESSURE
 from fusion.profile.levels import prior_noise
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
-from fusion.profile.model import DRIFT_TAU_S, WANDER_TAU_S, Noise, SmootherEpochs
+from fusion.profile.model import DRIFT_TAU_S, GUST_MPS, GUST_TAU_S, WANDER_TAU_S, Noise, SmootherEpochs
 from fusion.profile.noise import Learned, learn
 
 SPEED_MPS = 10.0
 MOUNT_GRADE = 0.02
 BIAS_GRADE = 0.005
+FINE = 50
+"""Steps of the road to a second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +32,35 @@ class Simulated:
 
     def learned(self) -> Learned:
         return learn(self.measured, self.epochs, prior_noise(self.measured))
+
+
+def grades(
+    rng: np.random.Generator, seconds: int, roughness: float, length_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Grades once a second, and the rise since the second before: an Ornstein-Uhlenbeck process in fine steps.
+
+    It begins anywhere; a random walk begins near level.
+    """
+    if length_m == RANDOM_WALK_M:
+        grade = np.cumsum(np.sqrt(roughness * SPEED_MPS) * rng.normal(size=seconds))
+        # The area under a random walk between two steps, given both ends, has a spread of its own.
+        bridge = np.sqrt(roughness * SPEED_MPS**3 / 12) * rng.normal(size=seconds)
+        return grade, SPEED_MPS * 0.5 * (grade + np.r_[grade[0], grade[:-1]]) + bridge
+    fine = SPEED_MPS / FINE
+    left, spread = np.exp(-fine / length_m), np.sqrt(roughness * length_m / 2)
+    begin = spread * rng.normal()
+    change = spread * np.sqrt(-np.expm1(-2 * fine / length_m)) * rng.normal(size=seconds * FINE)
+    grade = np.concatenate([[begin], lfilter([1.0], [1.0, -left], change, zi=[left * begin])[0]])
+    rise = fine * 0.5 * (grade[1:] + grade[:-1])
+    return grade[FINE::FINE], rise.reshape(seconds, FINE).sum(axis=1)
+
+
+def gusts(rng: np.random.Generator, seconds: int, speed_mps: np.ndarray | float = SPEED_MPS) -> np.ndarray:
+    """What they add to a barometer's heights at these speeds, once a second."""
+    out, stay = rng.normal(size=seconds), np.exp(-1 / GUST_TAU_S)
+    for k in range(1, seconds):
+        out[k] = stay * out[k - 1] + np.sqrt(1 - stay**2) * out[k]
+    return np.asarray(USUAL_SPEED_PRESSURE * speed_mps * GUST_MPS / GRAVITY_MPS2 * out)
 
 
 def simulate(
@@ -41,16 +76,17 @@ def simulate(
 ) -> Simulated:
     """One measurement a sensor and second, drawn from the model; ``springs`` move pitch and force alike.
 
+    Without pitch and force the grade is a random walk: such a drive takes it for one.
+
     ``mount_step`` and ``height_step``: (share of the drive, size). ``tails``: errors follow Student's t of 3 degrees of
     freedom instead of Gauss.
     """
     rng = np.random.default_rng(seed)
     n = seconds
     time = np.arange(float(n))
-    grade = np.cumsum(np.sqrt(truth.roughness * SPEED_MPS) * rng.normal(size=n))
-    # The area under a random walk between two steps, given both ends, has a spread of its own.
-    bridge = np.sqrt(truth.roughness * SPEED_MPS**3 / 12) * rng.normal(size=n)
-    height = 200 + np.cumsum(SPEED_MPS * 0.5 * (grade + np.r_[grade[0], grade[:-1]]) + bridge)
+    learns_lengths = PITCH in sensors or FORCE in sensors
+    grade, rise = grades(rng, n, truth.roughness, truth.grade_length_m if learns_lengths else RANDOM_WALK_M)
+    height = 200 + np.cumsum(rise)
     a = np.exp(-1 / DRIFT_TAU_S)
     wander = np.zeros(n)
     for k in range(1, n):
@@ -63,7 +99,9 @@ def simulate(
     for k in range(n):
         before = lean[k - 1] if k else rng.normal() * truth.wander
         lean[k] = stay * before + truth.wander * np.sqrt(1 - stay**2) * rng.normal()
-    air = np.cumsum(np.sqrt(truth.baro_drift) * rng.normal(size=n)) if BARO in sensors else 0.0
+    air = np.zeros(n)
+    if BARO in sensors:
+        air = np.cumsum(np.sqrt(truth.baro_drift) * rng.normal(size=n)) + gusts(rng, n)
     late = {name: time >= s[0] * n for name, s in (("mount", mount_step), ("height", height_step))}
     body = grade + MOUNT_GRADE + lean + springs * white() + np.where(late["mount"], mount_step[1], 0.0)
     values = {
@@ -99,7 +137,13 @@ def simulate(
 
 
 TRUTHS = (
-    Noise(roughness=1e-6, altitude_m=0.3, drift=0.05, doppler=0.5, pitch=0.006, force=0.01),
-    Noise(roughness=1e-5, altitude_m=0.6, drift=0.2, doppler=1.0, pitch=0.012, force=0.02),
-    Noise(roughness=1e-4, altitude_m=1.5, drift=1.0, doppler=3.0, pitch=0.02, force=0.03),
+    Noise(
+        grade_length_m=100.0, roughness=1e-6, altitude_m=0.3, drift=0.05, doppler=0.5, pitch=0.006, force=0.01
+    ),
+    Noise(
+        grade_length_m=100.0, roughness=1e-5, altitude_m=0.6, drift=0.2, doppler=1.0, pitch=0.012, force=0.02
+    ),
+    Noise(
+        grade_length_m=100.0, roughness=1e-4, altitude_m=1.5, drift=1.0, doppler=3.0, pitch=0.02, force=0.03
+    ),
 )

@@ -16,12 +16,14 @@ from fusion.profile.traversals import (
     on_traversals,
 )
 from fusion.types import DriveLog
+from model_drives import gusts
 from profile_support import Levels, Smoothed, hills, pressure_of, street_log
 
 TABLE = street(55, 8, 70, 120, 0.6, 43, 390, 60, 25, 90)
 EDGES_M = np.concatenate([[0.0], np.cumsum(TABLE.length_m)])
 TIME_S = 1.7e9 + np.arange(107.0)
-ALONG_M = 5 + 8 * (TIME_S - TIME_S[0])
+SPEED_MPS = 8.0
+ALONG_M = 5 + SPEED_MPS * (TIME_S - TIME_S[0])
 NONE = Altimeter()
 
 
@@ -42,7 +44,9 @@ def drive_log(kind: str, seed: int = 3) -> DriveLog:
     if kind == "steady heights":
         return street_log(TIME_S, ALONG_M, hills, rng, levels=Levels(altitude_m=0.05, drift=1e-4))
     log = street_log(TIME_S, ALONG_M, hills, rng)
-    pressure = pressure_of(TIME_S, hills(ALONG_M) + np.cumsum(0.03 * rng.normal(size=len(TIME_S))))
+    n = len(TIME_S)
+    drift = np.cumsum(0.03 * rng.normal(size=n))
+    pressure = pressure_of(TIME_S, hills(ALONG_M) + drift + gusts(rng, n, SPEED_MPS))
     return {
         "everything": log,
         "positions and heights": DriveLog("gpx", log.fix),

@@ -11,7 +11,7 @@ from accuracy.constants import CHANGES, LEFT_OUT, Change, changed, module_of, pl
 from factor_support import street
 from fusion.network import segment_slopes
 from fusion.network.adjust import adjust
-from fusion.profile import levels, traversals
+from fusion.profile import levels, noise, traversals
 from street_support import EVERYTHING, ride
 
 BELIEFS = ("road_beliefs", "drive_beliefs", "segment_slopes", "terrain")
@@ -47,7 +47,7 @@ def test_every_constant_of_the_model_is_tried_or_has_a_reason() -> None:
 
 def test_a_constant_is_changed_wherever_it_is_imported() -> None:
     (change,) = (c for c in CHANGES if c.label == "ROBUST_INFORMATION_LOSS off: 1")
-    assert set(places(change)) == {levels, traversals}
+    assert set(places(change)) == {levels, noise, traversals}
 
 
 def test_a_change_is_felt_and_its_end_too() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.network.pass_factor import NUISANCES, PassFactor, symmetric
+from fusion.network.pass_factor import NUISANCES, SPEED_PRESSURE, PassFactor, symmetric
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 masks = st.lists(st.booleans(), min_size=NUISANCES, max_size=NUISANCES)
@@ -60,6 +60,7 @@ def assert_same(left: PassFactor, right: PassFactor) -> None:
     square=numbers,
     walk=st.tuples(numbers, numbers),
     lag_s=st.floats(0, 10),
+    length_m=st.floats(0, 1e9),
     time_s=st.floats(0, 4e9),
     counts=st.tuples(*[st.integers(0, 10**9)] * 4),
 )
@@ -70,12 +71,13 @@ def test_what_is_encoded_comes_back_bit_by_bit(
     square: float,
     walk: tuple[float, float],
     lag_s: float,
+    length_m: float,
     time_s: float,
     counts: tuple[int, int, int, int],
 ) -> None:
     factor = factor_of(
         seed, 2 * (intervals + 1), used, square=square, walk_m2_per_s=walk, lag_s=lag_s, first_time_s=time_s,
-        observations=counts[0], rows=counts[1], mount=counts[2], place=counts[3],
+        observations=counts[0], rows=counts[1], mount=counts[2], place=counts[3], grade_length_m=length_m,
     )  # fmt: skip
     data = factor.encode()
     again = PassFactor.decode(data, 7, 3)
@@ -100,9 +102,21 @@ def test_the_place_of_a_pass_is_not_in_its_bytes() -> None:
 
 @given(used=masks)
 def test_a_factor_is_as_large_as_what_it_speaks_of(used: list[bool]) -> None:
-    """What a thousand drives over a road cost on disk: fourteen numbers, the vector, half of the matrix."""
+    """What a thousand drives over a road cost on disk: sixteen numbers, the vector, half of the matrix."""
     size = 4 + sum(used)
-    assert len(factor_of(1, 4, used).encode()) == 8 * (14 + size + size * (size + 1) // 2)
+    assert len(factor_of(1, 4, used).encode()) == 8 * (16 + size + size * (size + 1) // 2)
+
+
+@given(seed=st.integers(0, 2**31), intervals=st.integers(1, 4), used=masks)
+def test_factors_of_version_0_2_are_read(seed: int, intervals: int, used: list[bool]) -> None:
+    """They began with the mount, knew of no length of grades, and had no speed pressure among their unknowns."""
+    used[SPEED_PRESSURE] = False
+    factor = factor_of(seed, 2 * (intervals + 1), used)
+    new = np.frombuffer(factor.encode(), "<f8")
+    before = [k for k in range(NUISANCES) if k != SPEED_PRESSURE]
+    mask = sum(1 << place for place, k in enumerate(before) if used[k])
+    old = np.concatenate([new[1:14], [mask], new[16:]]).astype("<f8").tobytes()
+    assert_same(factor, PassFactor.decode(old, 7, 3))
 
 
 def test_a_decoded_factor_may_be_changed_like_any_other() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from factor_support import street
+from fusion.frames import GRAVITY_MPS2
 from fusion.network.adjust import adjust
 from fusion.network.curve import (
     grade_rows,
@@ -18,7 +19,18 @@ from fusion.network.curve import (
     knot_length,
     variable_count,
 )
-from fusion.network.pass_factor import BIAS, CONSTANTS, EAST, ENTRY, EXIT, LAG, NUISANCES, SQUAT, PassFactor
+from fusion.network.pass_factor import (
+    BIAS,
+    CONSTANTS,
+    EAST,
+    ENTRY,
+    EXIT,
+    LAG,
+    NUISANCES,
+    SPEED_PRESSURE,
+    SQUAT,
+    PassFactor,
+)
 from fusion.network.pass_factor import MOUNT as MOUNT_PITCH
 from fusion.pipeline import run_drive
 from fusion.profile.levels import ROBUST_INFORMATION_LOSS
@@ -100,6 +112,10 @@ def test_every_measurement_sees_what_its_sensor_does(drive: tuple[Smoothed, list
             assert data.constants[at, :EAST] == pytest.approx(constants[:EAST], abs=1e-15)
             leans = left if sensor in (PITCH, FORCE) else 0.0
             assert data.passing[at, 0] == pytest.approx(one.learned.expected.wander * leans, abs=1e-15)
+            pressed = float(sensor == BARO)
+            assert data.passing[at, 2] == pytest.approx(one.learned.expected.gust_m * pressed, abs=1e-15)
+            head = pressed * measured.speed_mps[i] ** 2 / (2 * GRAVITY_MPS2)
+            assert data.constants[at, SPEED_PRESSURE] == pytest.approx(-head, abs=1e-12)
             assert data.height_sensor[at] == {ALTITUDE: 0, BARO: 1}.get(sensor, -1)
 
 
@@ -158,6 +174,9 @@ def test_a_factor_speaks_of_its_own_passage(drive: tuple[Smoothed, list[PassFact
         sensors = set(one.measured.sensor[mine].tolist())
         assert factor.used[MOUNT_PITCH] == bool(sensors & {PITCH, FORCE})
         assert factor.used[BIAS] == (FORCE in sensors)
+        assert factor.used[SPEED_PRESSURE] == (BARO in sensors)
+        inertial = np.isin(one.measured.sensor, (PITCH, FORCE)).any()
+        assert factor.grade_length_m == (one.learned.noise.grade_length_m if inertial else 0.0)
         for s, sensor in enumerate((ALTITUDE, BARO)):
             # An error goes on through a pass that did not measure it, where the drive knows it at all.
             known = bool((one.measured.sensor == sensor).any())

@@ -10,6 +10,7 @@ import pytest
 from scipy import optimize
 
 from fusion.profile.levels import (
+    LOG_GRADE_LENGTH,
     LOG_ROUGHNESS,
     LOG_SPREAD,
     LOG_WANDER,
@@ -28,9 +29,10 @@ RATES = {"roughness": None, "drift": ALTITUDE, "baro_drift": BARO, "wander": PIT
 
 
 def learnable(sensors: tuple[int, ...]) -> list[str]:
-    """Names of the levels that a drive with these sensors can tell, white ones first."""
+    """Names of the levels that a drive with these sensors can tell, white ones first, the grade's length last."""
     white = [name for sensor, name in WHITE.items() if sensor in sensors]
-    return white + [name for name, sensor in RATES.items() if sensor is None or sensor in sensors]
+    rates = [name for name, sensor in RATES.items() if sensor is None or sensor in sensors]
+    return [*white, *rates, *(["grade_length_m"] if {PITCH, FORCE} & set(sensors) else [])]
 
 
 def likely(sensors: tuple[int, ...], truth: Noise, seed: int, seconds: int = 600) -> tuple[Simulated, Noise]:
@@ -50,7 +52,11 @@ def posterior(one: Simulated, noise: Noise, weight: np.ndarray) -> float:
     total = linear_model(one.measured, one.epochs, noise, variance).scores().log_likelihood
     for name in learnable(sensors):
         usual = (np.log(getattr(start, name)), LOG_SPREAD)
-        mean, sigma = {"roughness": LOG_ROUGHNESS, "wander": LOG_WANDER}.get(name, usual)
+        mean, sigma = {
+            "roughness": LOG_ROUGHNESS,
+            "wander": LOG_WANDER,
+            "grade_length_m": LOG_GRADE_LENGTH,
+        }.get(name, usual)
         total -= 0.5 * ((np.log(getattr(noise, name)) - mean) / sigma) ** 2
     return total
 
@@ -75,8 +81,10 @@ def test_the_gradient_is_that_of_the_likelihood(
         return optimize.OptimizeResult(x=begin)
 
     monkeypatch.setattr(optimize, "minimize", catch)
+    monkeypatch.setattr("fusion.profile.levels._LENGTH_STEP", 1e-4)  # that derivative is a difference itself
     start = prior_noise(one.measured)
     here = start.with_(roughness=1e-5, doppler=1.4)
+    here = here.with_(grade_length_m=50.0) if PITCH in sensors else here
     most_likely(one.measured, one.epochs, here, start, weight, ())
     (loss,), names = caught, learnable(sensors)
     value, gradient = loss(np.zeros(len(names)))
@@ -98,7 +106,7 @@ def test_levels_of_drawn_drives_are_recovered(truth: Noise) -> None:
     found = [likely(EVERYTHING, truth, seed, 1200)[1] for seed in range(24)]
     for name in learnable(EVERYTHING):
         power = 0.5 if name in RATES and name != "wander" else 1.0
-        usual = 1.0 if name in RATES else ROBUST_INFORMATION_LOSS**-0.5
+        usual = 1.0 if name not in WHITE.values() else ROBUST_INFORMATION_LOSS**-0.5
         ratio = [(getattr(noise, name) / getattr(truth, name)) ** power / usual for noise in found]
         assert np.exp(np.mean(np.log(ratio))) == pytest.approx(1.0, abs=0.1), (name, np.round(ratio, 2))
 

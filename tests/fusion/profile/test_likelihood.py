@@ -1,4 +1,4 @@
-"""The sums over a pass against a dense integration: every measurement, every state of the walks, wander and place."""
+"""The sums over a pass against a dense integration: all measurements, walks, gusts, wander and place."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from dense_equations import inverted
 from fusion.network.curve import height_weights, variable_count
 from fusion.network.pass_factor import CONSTANTS, ENTRY, EXIT, NUISANCES
 from fusion.profile.factors import likelihoods
-from fusion.profile.model import DRIFT, JUMP_SIGMA
+from fusion.profile.model import DRIFT, GUST_TAU_S, JUMP_SIGMA
 from fusion.profile.traversals import OnTraversals
 
 JOINED_M = 1e-4
 """By so much the error may move at the entry: entry and first state are told apart by nothing else."""
 PASSING = 2
-"""What is the pass's alone, in units of one sigma: the wander of the mount, and its place along the road."""
+"""What is the pass's alone and stays as it is, in units of one sigma: the mount's wander, and its place along the road.
+Behind these stand gusts, which come and go."""
+GUST = PASSING
 ROUNDING = 4 * float(np.finfo(float).eps) / JOINED_M**2
 """What that leaves of the digits of information about an error at the entry."""
 
@@ -62,7 +64,7 @@ def drawn(
         kind = rng.choice(sensors, m)
         variable, weights = height_weights(rng.uniform(0, one.length_m, m), np.full(m, one.length_m))
         constants = rng.normal(size=(m, len(CONSTANTS))) * (rng.random((m, len(CONSTANTS))) < 0.4)
-        passing = rng.normal(size=(m, PASSING)) * (rng.random((m, PASSING)) < 0.5)
+        passing = rng.normal(size=(m, PASSING + 1)) * (rng.random((m, PASSING + 1)) < 0.5)
         parts.append((variable, weights, constants, passing, kind, rng.normal(size=m), time))
     variable, weights, constants, passing, kind, value, time = (
         np.concatenate(column) for column in zip(*parts, strict=True)
@@ -95,6 +97,27 @@ def walk_of(
     return steps, state_of, here
 
 
+def gusts_of(
+    data: OnTraversals, one: Pass, mine: np.ndarray, first: int
+) -> tuple[list[Equation], dict[int, int], int]:
+    """The gusts behind unknown ``first``, one at each time that sees any: how they go on, the one that each measurement
+    sees and the next free unknown. What was measured just before the entry counts as measured there."""
+    steps: list[Equation] = []
+    gust_of: dict[int, int] = {}
+    here, last = first - 1, 0.0
+    for i in mine[data.passing[mine, GUST] != 0].tolist():
+        time = max(float(data.time_s[i]), one.enter_s)
+        if here < first:
+            steps.append(({first: 1.0}, 0.0, 1.0))
+            here = first
+        elif time > last:
+            left = max(float(np.exp((last - time) / GUST_TAU_S)), 1e-3)
+            steps.append(({here: -left, here + 1: 1.0}, 0.0, 1 - left**2))
+            here += 1
+        last, gust_of[i] = time, here
+    return steps, gust_of, here + 1
+
+
 def dense(
     data: OnTraversals, passes: list[Pass], k: int, rates: tuple[float, float], jumps_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
@@ -113,11 +136,14 @@ def dense(
             equations += steps
             state_of |= states
             leaves[last], size = knots + EXIT.start + s, last + 1
+    steps, gust_of, size = gusts_of(data, passes[k], mine, size)
+    equations += steps
     for i in mine.tolist():
         row = {int(data.variable[i]) + a: float(data.weights[i, a]) for a in range(4)}
         row |= {knots + a: float(c) for a, c in enumerate(data.constants[i]) if c}
         row |= {state_of[i]: 1.0} if data.height_sensor[i] >= 0 else {}
-        row |= {kept + a: float(c) for a, c in enumerate(data.passing[i])}
+        row |= {kept + a: float(data.passing[i, a]) for a in range(PASSING)}
+        row |= {gust_of[i]: float(data.passing[i, GUST])} if i in gust_of else {}
         equations.append((row, float(data.value[i]), float(data.variance[i])))
     whole, right, square = np.zeros((size, size), np.longdouble), np.zeros(size, np.longdouble), 0.0
     for row, value, variance in equations:
@@ -189,6 +215,14 @@ def test_a_height_that_jumps_is_free_from_there_on() -> None:
         middle = 0.5 * (passes[1].enter_s + passes[1].leave_s)
         jumps = np.array([middle, passes[2].leave_s + 5.0])
         assert_as_dense(data, passes, (0.15, 0.01), jumps)
+
+
+def test_gusts_come_and_go_through_a_stop() -> None:
+    """Of a pass that takes minutes: after half a minute nothing is left of a gust."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        passes = [Pass(40.0, 0.0, 400.0), Pass(20.0, 400.0, 402.0)]
+        assert_as_dense(drawn(rng, passes, (1, -1)), passes, (0.15, 0.01), np.array([]))
 
 
 def test_a_pass_that_measured_nothing_says_how_far_errors_walked_and_nothing_else() -> None:
