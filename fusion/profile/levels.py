@@ -55,6 +55,10 @@ LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
 road's grades."""
 LOG_SPREAD, LOG_RATE_SPREAD = 1.0, 1.5
 """Sigma of the logs of white levels and of rates about where they start: receivers differ by ten times."""
+UNTOLD_DRIFT_SPREAD = 0.3
+"""The same for the drift of altitudes in a log that does not tell it (``tells_drift``): it stays near a usual one's."""
+USUAL_V_ACC_M = 4.0
+"""Accuracy of altitudes of a log that states none."""
 LEAST_HEIGHT_M = 0.05
 """No receiver's height is surer than this, however smooth a filter makes it. It is stated in decimetres (NMEA 0183;
 0.03 m), the body heaves on its springs (0.03 m), and the lane has a crossfall of 2.5 % (0.01 m)."""
@@ -81,16 +85,47 @@ def _least() -> dict[str, float]:
     return {"altitude_m": LEAST_HEIGHT_M, "baro_m": LEAST_PRESSURE_HEIGHT_M}
 
 
-def prior_noise(measured: Measurements) -> Noise:
+@dataclass(frozen=True)
+class Prior:
+    """What is believed of a drive's levels before it is learned from: most likely ``noise``, and the sigma of the log
+    of the rate of the altitudes' drift about that of ``noise``."""
+
+    noise: Noise
+    log_drift_spread: float = LOG_RATE_SPREAD
+
+    def of(self, name: str) -> tuple[float, float]:
+        """Mean and sigma of the log of a level."""
+        if name == "roughness":
+            return LOG_ROUGHNESS
+        if name == "wander":
+            return LOG_WANDER
+        if name == "grade_length_m":
+            return LOG_GRADE_LENGTH
+        spread = LOG_SPREAD if name in WHITE.values() else LOG_RATE_SPREAD
+        return float(np.log(getattr(self.noise, name))), self.log_drift_spread if name == "drift" else spread
+
+
+def prior_of(measured: Measurements, log_drift_spread: float = LOG_RATE_SPREAD) -> Prior:
     """Where learning starts: what the log says about itself, in bounds, else an ordinary receiver's."""
     stated = measured.stated_sigma[(measured.sensor == ALTITUDE) & np.isfinite(measured.stated_sigma)]
-    v_acc = float(np.clip(np.median(stated), 0.3, 12.0)) if len(stated) else 4.0
-    return Noise(
+    v_acc = float(np.clip(np.median(stated), 0.3, 12.0)) if len(stated) else USUAL_V_ACC_M
+    noise = Noise(
         altitude_m=float(np.clip(v_acc / 6, 0.1, 1.5)),
         drift=2 * v_acc**2 / DRIFT_TAU_S,
         gust_m=_gust(measured),
         dem_m=_dem_sigma(measured),
     )
+    return Prior(noise, log_drift_spread)
+
+
+def tells_drift(measured: Measurements) -> bool:
+    """Whether a log tells how fast its altitudes' error drifts: by their accuracy, or by anything to hold them against.
+
+    Altitudes alone do not, once a receiver's filter has smoothed them: then their error is as smooth as a road.
+    """
+    altitude = measured.sensor == ALTITUDE
+    others = ~(altitude | (measured.sensor == TERRAIN))
+    return bool(others.any() or np.isfinite(measured.stated_sigma[altitude]).any())
 
 
 def _gust(measured: Measurements) -> float:
@@ -153,26 +188,15 @@ def normalised_square(smoothed: Smoothed, variance: Floats, usual: Floats) -> Fl
     return np.asarray(smoothed.residual**2 / (without + usual))
 
 
-def _prior(name: str, start: Noise) -> tuple[float, float]:
-    """Mean and sigma of the log of a level."""
-    if name == "roughness":
-        return LOG_ROUGHNESS
-    if name == "wander":
-        return LOG_WANDER
-    if name == "grade_length_m":
-        return LOG_GRADE_LENGTH
-    return float(np.log(getattr(start, name))), LOG_SPREAD if name in WHITE.values() else LOG_RATE_SPREAD
-
-
 def most_likely(
-    measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, prior: Prior, weight: Floats, jumps: Jumps
 ) -> Noise:
-    """Levels near the most likely ones, from ``noise`` on, held by weak priors about ``start``."""
+    """Levels near the most likely ones, from ``noise`` on, held by weak priors."""
     if noise.grade_length_m == RANDOM_WALK_M and knows_lengths(measured):
         noise = noise.with_(grade_length_m=float(np.exp(LOG_GRADE_LENGTH[0])))
     likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
     names = likelihood.names
-    mean, sigma = np.array([_prior(n, start) for n in names]).T
+    mean, sigma = np.array([prior.of(n) for n in names]).T
     begin = np.log([getattr(noise, n) for n in names])
     counts: list[float] = [2 * int(np.sum(measured.sensor == sensor)) for sensor in likelihood.white]
     counts += [len(epochs.time_s) / 8] * (len(names) - len(counts))
@@ -202,7 +226,7 @@ def most_likely(
 
 
 def log_sigmas(
-    measured: Measurements, epochs: SmootherEpochs, noise: Noise, start: Noise, weight: Floats, jumps: Jumps
+    measured: Measurements, epochs: SmootherEpochs, noise: Noise, prior: Prior, weight: Floats, jumps: Jumps
 ) -> dict[str, float]:
     """How uncertain the logs of the levels are near the most likely ones, ``noise``; 0 where a level is the least.
 
@@ -211,7 +235,7 @@ def log_sigmas(
     """
     likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
     names = likelihood.names
-    sigma = np.array([_prior(n, start)[1] for n in names])
+    sigma = np.array([prior.of(n)[1] for n in names])
     here = likelihood.at(noise)[1]
     free = [k for k, n in enumerate(names) if getattr(noise, n) > 1.01 * _least().get(n, 0.0)]
     bend = np.zeros((len(free), len(free)))

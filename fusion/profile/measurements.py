@@ -139,7 +139,19 @@ def _altitude(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:
         return np.empty(0), np.empty(0), np.empty(0)
     stated_sigma = np.where(np.isfinite(fix.v_acc_m), fix.v_acc_m, 0.0)
     time, value, stated = binned(fix.time_s, PERIOD_S[ALTITUDE], height, stated_sigma)
-    return time, value, np.where(stated > 0, stated, np.nan)
+    fresh = ~_held(time, value, driven)
+    return time[fresh], value[fresh], np.where(stated > 0, stated, np.nan)[fresh]
+
+
+def _held(time: Floats, value: Floats, driven: Speeds) -> Bools:
+    """Which heights (m,) a receiver merely repeats while the vehicle stands.
+
+    Many receivers freeze their position below walking speed. Taken for measurements, the same height again and again
+    says that heights do not drift at all.
+    """
+    again = np.zeros(len(time), bool)
+    again[1:] = (value[1:] == value[:-1]) & (np.interp(time[1:], *driven) < MIN_SPEED_MPS)
+    return again
 
 
 def _doppler(log: DriveLog, path: DrivenPath, driven: Speeds) -> Column:

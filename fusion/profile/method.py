@@ -19,7 +19,7 @@ from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.profile.factors import pass_factors
 from fusion.profile.inertia import Inertia, set_right
-from fusion.profile.levels import prior_noise
+from fusion.profile.levels import LOG_RATE_SPREAD, UNTOLD_DRIFT_SPREAD, prior_of, tells_drift
 from fusion.profile.measurements import (
     ALTITUDE,
     FORCE,
@@ -124,6 +124,8 @@ class ProfileMethod:
         late = _altimeter(log, drive)
         if late.sensor >= 0:
             drive = _smooth(raw, dem, options, late)
+        elif not tells_drift(drive.measured):
+            drive = _smooth(raw, dem, options, late, UNTOLD_DRIFT_SPREAD)
         progress("factors", 0.7)
         factors = tuple(pass_factors(drive, log.fix))
         terrain = dem if options.dem else None
@@ -162,7 +164,11 @@ def _in_steps(height_m: Floats) -> bool:
 
 
 def _smooth(
-    raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter
+    raw: _PreparedDrive,
+    dem: Dem | None,
+    options: ProfileOptions,
+    altimeter: Altimeter,
+    log_drift_spread: float = LOG_RATE_SPREAD,
 ) -> SmoothedDrive:
     measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s)
     if len(measured) < MIN_MEASUREMENTS:
@@ -172,7 +178,7 @@ def _smooth(
         )
     epochs = build_smoother_epochs(measured, raw.path)
     by_satellites = not _in_steps(raw.log.fix.alt_msl_m)
-    learned = learn(measured, epochs, prior_noise(measured), by_satellites=by_satellites)
+    learned = learn(measured, epochs, prior_of(measured, log_drift_spread), by_satellites=by_satellites)
     return SmoothedDrive(raw.path, measured, epochs, learned, altimeter)
 
 

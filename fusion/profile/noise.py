@@ -18,6 +18,7 @@ from fusion.profile.levels import (
     LEAST_HEIGHT_M,
     ROBUST_INFORMATION_LOSS,
     STUDENT_T_FREEDOM,
+    Prior,
     expected,
     expected_levels,
     gaussian_variance,
@@ -88,19 +89,19 @@ class Learned:
 
 
 def learn(
-    measured: Measurements, epochs: SmootherEpochs, start: Noise, *, by_satellites: bool = True
+    measured: Measurements, epochs: SmootherEpochs, prior: Prior, *, by_satellites: bool = True
 ) -> Learned:
     """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
-    noise, jumps, variance, smoothed, robust = _levels(measured, epochs, start)
+    noise, jumps, variance, smoothed, robust = _levels(measured, epochs, prior)
     filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
     every = np.ones(len(measured), bool), np.ones(len(measured))
     used, repeated = _apart(measured) if filtered else every
     chosen = measured.take(used), replace(epochs, of_measurement=epochs.of_measurement[used])
     if filtered:
-        noise = most_likely(*chosen, noise, start, robust[used], jumps)
+        noise = most_likely(*chosen, noise, prior, robust[used], jumps)
         variance = gaussian_variance(measured, noise) * repeated / robust
         smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
-    likely = expected(noise, log_sigmas(*chosen, noise, start, robust[used], jumps))
+    likely = expected(noise, log_sigmas(*chosen, noise, prior, robust[used], jumps))
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
@@ -112,7 +113,7 @@ def learn(
 
 
 def _levels(
-    measured: Measurements, epochs: SmootherEpochs, start: Noise
+    measured: Measurements, epochs: SmootherEpochs, prior: Prior
 ) -> tuple[Noise, Jumps, Floats, Smoothed, Floats]:
     """Levels, sudden changes, variances, the smoothed drive and new weights, found in rounds.
 
@@ -122,12 +123,12 @@ def _levels(
     jumps: Jumps = ()
     paired = bool(np.any(pitch_partner(measured) >= 0))
     counts = np.where(_muted(measured), _MUTED_WEIGHT, 1.0)
-    noise, weight = start.with_(shared=SHARED_START if paired else 0.0), counts
+    noise, weight = prior.noise.with_(shared=SHARED_START if paired else 0.0), counts
     for _ in range(FIRST_ROUNDS):
         noise, weight = expected_levels(measured, epochs, noise, weight)
         weight = weight * counts
     for _ in range(ROUNDS):
-        noise = most_likely(measured, epochs, noise, start, weight, jumps)
+        noise = most_likely(measured, epochs, noise, prior, weight, jumps)
         usual = gaussian_variance(measured, noise)
         variance = usual / weight
         smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()

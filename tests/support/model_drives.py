@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from fusion.frames import GRAVITY_MPS2
 from fusion.network.curve import RANDOM_WALK_M
 from fusion.network.pass_factor import USUAL_SPEED_PRESSURE
-from fusion.profile.levels import prior_noise
+from fusion.profile.levels import prior_of
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
 from fusion.profile.model import DRIFT_TAU_S, GUST_MPS, GUST_TAU_S, WANDER_TAU_S, Noise, SmootherEpochs
 from fusion.profile.noise import Learned, learn
@@ -31,7 +31,7 @@ class Simulated:
     grade: np.ndarray
 
     def learned(self) -> Learned:
-        return learn(self.measured, self.epochs, prior_noise(self.measured))
+        return learn(self.measured, self.epochs, prior_of(self.measured))
 
 
 def grades(

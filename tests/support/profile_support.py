@@ -19,7 +19,7 @@ from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
 from fusion.profile.inertia import set_right
-from fusion.profile.levels import prior_noise
+from fusion.profile.levels import prior_of
 from fusion.profile.measurements import build_measurements
 from fusion.profile.method import MIN_MEASUREMENTS, ProfileOptions
 from fusion.profile.model import build_smoother_epochs
@@ -225,7 +225,7 @@ def smoothed(log: DriveLog, roads: RoadTable, dem: Dem | None = None, **options:
     measured = build_measurements(set_right(log)[0], path, dem, ProfileOptions(**options).sensors())
     assert len(measured) >= MIN_MEASUREMENTS
     epochs = build_smoother_epochs(measured, path)
-    return Smoothed(path, measured, epochs, learn(measured, epochs, prior_noise(measured)), fix=log.fix)
+    return Smoothed(path, measured, epochs, learn(measured, epochs, prior_of(measured)), fix=log.fix)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from fusion.profile.levels import (
     expected,
     log_sigmas,
     most_likely,
-    prior_noise,
+    prior_of,
 )
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH
 from fusion.profile.model import Noise
@@ -30,11 +30,12 @@ TRUTH = TRUTHS[1].with_(baro_m=0.2, baro_drift=0.01)
 def uncertain(sensors: tuple[int, ...], seed: int, seconds: int) -> tuple[Noise, dict[str, float]]:
     """The most likely levels of a drive, and the sigmas of their logs."""
     one = simulate(seed, TRUTH, sensors=sensors, seconds=seconds)
-    start = noise = prior_noise(one.measured)
+    prior = prior_of(one.measured)
+    noise = prior.noise
     weight = np.ones(len(one.measured))
     for _ in range(2):
-        noise = most_likely(one.measured, one.epochs, noise, start, weight, ())
-    return noise, log_sigmas(one.measured, one.epochs, noise, start, weight, ())
+        noise = most_likely(one.measured, one.epochs, noise, prior, weight, ())
+    return noise, log_sigmas(one.measured, one.epochs, noise, prior, weight, ())
 
 
 @given(
@@ -87,12 +88,12 @@ def test_nothing_is_less_sure_than_beforehand(sensors: tuple[int, ...], seconds:
 
 def test_a_level_that_is_the_least_is_taken_for_known() -> None:
     one = simulate(2, TRUTH.with_(altitude_m=1e-3, drift=1e-3), sensors=(ALTITUDE, DOPPLER), seconds=300)
-    start, weight = prior_noise(one.measured), np.ones(len(one.measured))
-    noise = start
+    prior, weight = prior_of(one.measured), np.ones(len(one.measured))
+    noise = prior.noise
     for _ in range(4):
-        noise = most_likely(one.measured, one.epochs, noise, start, weight, ())
+        noise = most_likely(one.measured, one.epochs, noise, prior, weight, ())
     assert noise.altitude_m == pytest.approx(LEAST_HEIGHT_M)
-    sigma = log_sigmas(one.measured, one.epochs, noise, start, weight, ())
+    sigma = log_sigmas(one.measured, one.epochs, noise, prior, weight, ())
     assert sigma["altitude_m"] == 0
     assert sigma["drift"] > 0
 

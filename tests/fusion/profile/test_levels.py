@@ -18,7 +18,7 @@ from fusion.profile.levels import (
     WHITE,
     gaussian_variance,
     most_likely,
-    prior_noise,
+    prior_of,
 )
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH
 from fusion.profile.model import Noise, linear_model
@@ -38,16 +38,17 @@ def learnable(sensors: tuple[int, ...]) -> list[str]:
 def likely(sensors: tuple[int, ...], truth: Noise, seed: int, seconds: int = 600) -> tuple[Simulated, Noise]:
     """A drive, and its levels by two rounds from where learning starts."""
     one = simulate(seed, truth, sensors=sensors, seconds=seconds)
-    start = noise = prior_noise(one.measured)
+    prior = prior_of(one.measured)
+    noise = prior.noise
     for _ in range(2):
-        noise = most_likely(one.measured, one.epochs, noise, start, np.ones(len(one.measured)), ())
+        noise = most_likely(one.measured, one.epochs, noise, prior, np.ones(len(one.measured)), ())
     return one, noise
 
 
 def posterior(one: Simulated, noise: Noise, weight: np.ndarray) -> float:
     """Log-likelihood of everything measured, and the weak priors of the logs of the levels."""
     sensors = tuple(np.unique(one.measured.sensor).tolist())
-    start = prior_noise(one.measured)
+    start = prior_of(one.measured).noise
     variance = gaussian_variance(one.measured, noise) / weight
     total = linear_model(one.measured, one.epochs, noise, variance).scores().log_likelihood
     for name in learnable(sensors):
@@ -82,10 +83,10 @@ def test_the_gradient_is_that_of_the_likelihood(
 
     monkeypatch.setattr(optimize, "minimize", catch)
     monkeypatch.setattr("fusion.profile.levels._LENGTH_STEP", 1e-4)  # that derivative is a difference itself
-    start = prior_noise(one.measured)
-    here = start.with_(roughness=1e-5, doppler=1.4)
+    prior = prior_of(one.measured)
+    here = prior.noise.with_(roughness=1e-5, doppler=1.4)
     here = here.with_(grade_length_m=50.0) if PITCH in sensors else here
-    most_likely(one.measured, one.epochs, here, start, weight, ())
+    most_likely(one.measured, one.epochs, here, prior, weight, ())
     (loss,), names = caught, learnable(sensors)
     value, gradient = loss(np.zeros(len(names)))
     assert value == pytest.approx(-posterior(one, here, weight), rel=1e-9)
@@ -132,7 +133,7 @@ def test_three_per_cent_of_gross_outliers_do_not_spoil_them() -> None:
 
 def test_what_nothing_tells_of_stays_where_it_started() -> None:
     one, noise = likely((DOPPLER,), TRUTHS[1], 1, 100)
-    start = prior_noise(one.measured)
+    start = prior_of(one.measured).noise
     for name in ("altitude_m", "drift", "pitch", "force", "baro_m", "baro_drift", "dem_m", "shared"):
         assert getattr(noise, name) == getattr(start, name)
 
@@ -140,6 +141,6 @@ def test_what_nothing_tells_of_stays_where_it_started() -> None:
 def test_a_log_of_two_measurements_stays_near_its_start() -> None:
     """The priors are weak, but they are there."""
     one, noise = likely((ALTITUDE, DOPPLER), TRUTHS[1], 2, 2)
-    start = prior_noise(one.measured)
+    start = prior_of(one.measured).noise
     for name in ("altitude_m", "doppler", "drift"):
         assert 1 / 4 < getattr(noise, name) / getattr(start, name) < 4, name

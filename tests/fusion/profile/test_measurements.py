@@ -57,7 +57,13 @@ def test_without_noise_every_sensor_says_the_truth(back: bool) -> None:
 def test_a_standing_vehicle_has_heights_only() -> None:
     along = np.minimum(ALONG_M, ALONG_M[50])
     measured = smoothed(
-        street_log(TIME_S, along, hills, np.random.default_rng(0), levels=replace(CALM, position_m=0.5)),
+        street_log(
+            TIME_S,
+            along,
+            hills,
+            np.random.default_rng(0),
+            levels=replace(CALM, altitude_m=0.5, position_m=0.5),
+        ),
         TABLE,
     ).measured
     standing = measured.time_s > TIME_S[53]
@@ -65,6 +71,17 @@ def test_a_standing_vehicle_has_heights_only() -> None:
     assert standing.sum() > 50
     slopes = np.isin(measured.sensor, (DOPPLER, PITCH, FORCE))
     assert np.all(measured.speed_mps[slopes] > MIN_SPEED_MPS)
+
+
+def test_a_height_that_a_receiver_repeats_while_the_vehicle_stands_is_measured_once() -> None:
+    """Black boxes freeze their height below walking speed. While driving, equal heights are measurements."""
+    along = np.minimum(ALONG_M, ALONG_M[50])
+    log = street_log(TIME_S, along, hills, np.random.default_rng(0), levels=replace(CALM, altitude_m=0.5))
+    frozen = np.where(TIME_S > TIME_S[53], 100.0, np.where(TIME_S < TIME_S[20], 90.0, log.fix.alt_msl_m))
+    measured = smoothed(replace(log, fix=replace(log.fix, alt_msl_m=frozen)), TABLE).measured
+    heights = measured.value[measured.sensor == ALTITUDE]
+    assert np.sum(heights == 100.0) == 1
+    assert np.sum(heights == 90.0) > 15
 
 
 @pytest.mark.parametrize("level_share", [0.7, 0.3])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fusion.profile.levels import prior_noise
+from fusion.profile.levels import prior_of
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH
 from fusion.profile.model import (
     DRIFT,
@@ -60,7 +60,7 @@ def test_what_the_log_states_does_not_decide() -> None:
         noise = learn(
             replace(one.measured, stated_sigma=factor * one.measured.stated_sigma),
             one.epochs,
-            prior_noise(replace(one.measured, stated_sigma=factor * one.measured.stated_sigma)),
+            prior_of(replace(one.measured, stated_sigma=factor * one.measured.stated_sigma)),
         ).noise
         found.append((noise.altitude_m, noise.doppler * factor, np.sqrt(noise.drift), noise.pitch))
     assert np.all(np.abs(np.log(np.array(found) / found[1])) < np.log(1.35)), found
@@ -164,7 +164,7 @@ def test_wild_values_are_outliers_and_do_little() -> None:
     value = one.measured.value.copy()
     value[wild] += rng.choice([-1, 1], 30) * 0.3
     before = one.learned()
-    after = learn(replace(one.measured, value=value), one.epochs, prior_noise(one.measured))
+    after = learn(replace(one.measured, value=value), one.epochs, prior_of(one.measured))
     assert np.mean(after.outlier[wild]) > 0.9
     assert before.outlier.sum() < 0.01 * len(one.measured)
     others = np.setdiff1d(np.arange(len(one.measured)), wild)
@@ -185,7 +185,7 @@ def test_errors_that_repeat_weigh_less() -> None:
         value = quick.value.copy()
         value[doppler] = one.grade[one.epochs.of_measurement[doppler]] + error
         measured = replace(quick, value=value)
-        learned = learn(measured, epochs, prior_noise(measured))
+        learned = learn(measured, epochs, prior_of(measured))
         found.append(float(np.mean(learned.variance[doppler]) / learned.noise.doppler**2))
     assert found[1] > 1.7 * found[0]
 
@@ -193,7 +193,7 @@ def test_errors_that_repeat_weigh_less() -> None:
 def test_a_short_drive_stays_near_where_learning_starts() -> None:
     """Ten measurements prove nothing: levels keep within a factor of two of the log's word."""
     short = simulate(9, TRUTHS[1], seconds=5, sensors=(ALTITUDE, DOPPLER))
-    start, found = prior_noise(short.measured), short.learned().noise
+    start, found = prior_of(short.measured).noise, short.learned().noise
     for name in ("altitude_m", "doppler"):
         assert 0.5 < getattr(found, name) / getattr(start, name) < 2, name
     assert not short.learned().jumps
@@ -222,7 +222,7 @@ def test_heights_that_a_filter_has_smoothed_are_not_taken_for_errorless(truth: N
         one = simulate(seed, truth, sensors=(ALTITUDE,))
         measured = replace(one.measured, value=filtered(one.measured.value, 2.0))
         for by_satellites, found in z.items():
-            by = learn(measured, one.epochs, prior_noise(measured), by_satellites=by_satellites).smoothed
+            by = learn(measured, one.epochs, prior_of(measured), by_satellites=by_satellites).smoothed
             error = by.mean[:, GRADE] - one.grade
             found.append(np.mean(error**2 / by.covariance[:, GRADE, GRADE]))
     assert np.sqrt(np.mean(z[True])) < 0.85 * np.sqrt(np.mean(z[False]))
@@ -232,7 +232,7 @@ def test_heights_that_a_filter_has_smoothed_are_not_taken_for_errorless(truth: N
 def test_heights_of_a_receiver_without_a_filter_are_learned_from_one_to_the_next() -> None:
     one = simulate(3, TRUTHS[1], sensors=(ALTITUDE,))
     found = [
-        learn(one.measured, one.epochs, prior_noise(one.measured), by_satellites=by).noise
+        learn(one.measured, one.epochs, prior_of(one.measured), by_satellites=by).noise
         for by in (True, False)
     ]
     assert found[0] == found[1]

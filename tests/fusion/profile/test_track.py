@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from factor_support import street
-from fusion.profile.levels import prior_noise
+from fusion.profile.levels import prior_of
 from fusion.profile.measurements import ALTITUDE, build_measurements
 from fusion.profile.model import GRADE, HEIGHT, build_smoother_epochs
 from fusion.profile.noise import learn
@@ -48,7 +48,7 @@ def test_heights_that_are_late_leave_the_rows_at_the_positions() -> None:
     measured = build_measurements(log, path, None, frozenset({ALTITUDE}), altitude_lag_s=1.5)
     epochs = build_smoother_epochs(measured, path)
     assert not np.isin(epochs.time_s, TIME_S).any()
-    learned = learn(measured, epochs, prior_noise(measured))
+    learned = learn(measured, epochs, prior_of(measured))
     track = build_track(SmoothedDrive(path, measured, epochs, learned))
     np.testing.assert_array_equal(track.time_s, TIME_S)
     height, grade = learned.smoothed.mean[:, HEIGHT], learned.smoothed.mean[:, GRADE]
