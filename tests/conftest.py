@@ -1,7 +1,7 @@
 """Fixtures for every test: a private PostGIS with one database per test, shared data, the synthetic town.
 
 The whole run uses one server that is made for it and one template database that is migrated once; a test that
-asks for ``database_url`` gets a fresh copy of the template, which takes tens of milliseconds.
+asks for ``database_url`` gets a fresh copy of the template, or of one with roads, which takes tens of milliseconds.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 TEMPLATE = "template_versant"
+FILLED = ("grid_database", "town_database")
+"""Fixtures that name a database with roads, made once: of a test that asks for one ``database_url`` is a copy."""
 MEMORY = Path("/dev/shm")  # noqa: S108  (a file system in memory; what is made there has a name of its own)
 ROOM_BYTES = 4 * 2**30
 """As much may the servers of a run need, one for each of its processes, with their logs."""
@@ -185,9 +187,12 @@ def database_url(
     server: psycopg.Connection,
     template_db: str,
     new_database: Callable[[str], str],
+    request: pytest.FixtureRequest,
 ) -> Iterator[str]:
-    """SQLAlchemy URL of a migrated, empty database of this test alone."""
-    name = new_database(template_db)
+    """SQLAlchemy URL of a migrated database of this test alone: empty, or a copy of one that its fixtures ask for."""
+    filled = [name for name in FILLED if name in request.fixturenames]
+    assert len(filled) < 2, "a database is a copy of one other"
+    name = new_database(request.getfixturevalue(filled[0]) if filled else template_db)
     yield cluster.url_of(name)
     server.execute(sql.SQL("DROP DATABASE IF EXISTS {} WITH (FORCE)").format(sql.Identifier(name)))
 

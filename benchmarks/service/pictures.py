@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 150_000
 SIZE = {"width": 1280, "height": 800}
-NAMES = ("chromium", "chromium-browser", "google-chrome")
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
 FLAGS = (
     "--no-sandbox",
     "--disable-background-networking",

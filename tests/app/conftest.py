@@ -3,9 +3,9 @@
 from browser_fixtures import browser, tab, tab_maker
 from bucket_fixtures import bucket, bucket_server
 from condensed_support import tiny
-from drive_fixtures import context, files, send
+from drive_fixtures import context, files, send, town_database, town_rasters
 from store_fixtures import add_drive, chain, segment_ids, sessions, streets, streets_apart
-from web_fixtures import drive_maker, filled, reading, server_maker, settings, web
+from web_fixtures import drive_maker, filled, grid_database, reading, server_maker, settings, web
 
 __all__ = [
     "add_drive",
@@ -17,6 +17,7 @@ __all__ = [
     "drive_maker",
     "files",
     "filled",
+    "grid_database",
     "reading",
     "segment_ids",
     "send",
@@ -28,5 +29,7 @@ __all__ = [
     "tab",
     "tab_maker",
     "tiny",
+    "town_database",
+    "town_rasters",
     "web",
 ]

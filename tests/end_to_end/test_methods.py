@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from app.cli import app
 from app.cli.client import Client
 from fusion.catalogue import METHODS
+from fusion.registry import DEFAULT_METHOD
 from fusion.simulate.demonstration import Demonstration
 from tests.end_to_end.conftest import COMMAND_S, Up
 
@@ -23,11 +24,20 @@ QUICK = {"particle": {"particles": 5000}}
 FEW_SEGMENTS = 5  # a line through raw altitudes needs long segments
 
 
+USUAL = (DEFAULT_METHOD, "raw", "particle")
+"""Run through the service each time: the default, the simplest, and one of those that take options."""
+LONG = pytest.mark.long(
+    "the other methods through the service: `fuse` runs each of them on a real road each time"
+)
+SERVED = [pytest.param(name, marks=() if name in USUAL else LONG) for name in METHODS]
+
+
 @pytest.fixture(params=list(METHODS))
 def method(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
+@pytest.mark.parametrize("method", SERVED)
 def test_the_service_runs_it(running: Up, simulated: Demonstration, method: str, tmp_path: Path) -> None:
     log = tmp_path / f"{method}.csv"
     # Other bytes, so that it is another drive: the same bytes again would answer with the first one.

@@ -14,7 +14,8 @@ import pytest
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, Page
 
-NAMES = ("chromium", "chromium-browser", "google-chrome")
+NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+"""The shell first: it draws the same pages by the same engine, without a desktop browser's windows around each."""
 FLAGS = (
     "--no-sandbox",  # root has none
     "--disable-quic",
@@ -67,7 +68,9 @@ def chromium_path() -> str:
     """The browser of this machine; skips where there is none."""
     found = next((path for name in NAMES if (path := shutil.which(name))), None)
     if found is None:
-        pytest.skip("Chromium is missing: install Debian's package chromium to test the pages.")
+        pytest.skip(
+            "Chromium is missing: install Debian's package chromium-headless-shell to test the pages."
+        )
     return found
 
 

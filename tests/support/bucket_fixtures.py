@@ -7,12 +7,13 @@ from collections.abc import Iterator
 
 import fsspec
 import pytest
-from moto.server import ThreadedMotoServer
 
 
 @pytest.fixture(scope="session")
 def bucket_server() -> Iterator[None]:
     """The server, and the environment that leads S3's clients to it."""
+    from moto.server import ThreadedMotoServer  # noqa: PLC0415 - a second that only these tests need
+
     server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from app.core.db import Sessions
+from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
 from app.drives.documents import Drive
+from app.embedded.cluster import EmbeddedPostgres
 from app.jobs.context import JobContext
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
@@ -37,11 +39,34 @@ def files(town: Town, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def town_rasters(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the rasters that ``town_database`` names."""
+    return tmp_path_factory.mktemp("rasters")
+
+
+@pytest.fixture(scope="session")
+def town_database(
+    cluster: EmbeddedPostgres,
+    template_db: str,
+    new_database: Callable[[str], str],
+    files: Path,
+    town_rasters: Path,
+) -> str:
+    """Name of a database that knows the town's roads and elevation, and that nobody is connected to."""
+    name = new_database(template_db)
+    engine = make_engine(cluster.url_of(name))
+    sessions = session_factory(engine)
+    road_imports.import_roads(sessions, files / "town.osm", town_rasters)
+    dem_imports.import_dem(sessions, [files / "town.tif"], town_rasters)
+    engine.dispose()
+    return name
+
+
 @pytest.fixture
-def context(sessions: Sessions, files: Path, tmp_path: Path) -> JobContext:
+def context(town_database: str, town_rasters: Path, sessions: Sessions, tmp_path: Path) -> JobContext:
     """A job context whose database knows the town."""
-    road_imports.import_roads(sessions, files / "town.osm", tmp_path / "dem")
-    dem_imports.import_dem(sessions, [files / "town.tif"], tmp_path / "dem")
+    shutil.copytree(town_rasters, tmp_path / "dem")
     return JobContext(Settings(data_dir=tmp_path), sessions)
 
 

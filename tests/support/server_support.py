@@ -14,6 +14,8 @@ from urllib.parse import urlsplit
 import httpx
 from sqlalchemy import text
 
+from web_fixtures import TLS
+
 WAIT_S = 30.0
 """Far longer than anything that is waited for takes."""
 
@@ -64,7 +66,7 @@ def asked_at_once(web: Any, paths: list[str]) -> Iterator[list[Future[int]]]:
     """Ask for all of these at once, beside what the block does; the statuses of the answers to come."""
 
     def ask(path: str) -> int:
-        return httpx.get(web.base + path, timeout=WAIT_S * 2, trust_env=False).status_code
+        return httpx.get(web.base + path, timeout=WAIT_S * 2, trust_env=False, verify=TLS).status_code
 
     with ThreadPoolExecutor(len(paths)) as clients:
         yield [clients.submit(ask, path) for path in paths]
@@ -132,6 +134,6 @@ def answered(client: socket.socket) -> bytes:
 @contextmanager
 def asking_from(web: Any, client: str) -> Iterator[httpx.Client]:
     """A client with this address of the machine."""
-    transport = httpx.HTTPTransport(local_address=client)
+    transport = httpx.HTTPTransport(local_address=client, verify=TLS)
     with httpx.Client(base_url=web.base, transport=transport, timeout=WAIT_S, trust_env=False) as asking:
         yield asking

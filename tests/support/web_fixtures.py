@@ -239,10 +239,19 @@ def web(settings: Settings) -> Iterator[Web]:
         yield running
 
 
+@pytest.fixture(scope="session")
+def grid_database(cluster: EmbeddedPostgres, template_db: str, new_database: Callable[[str], str]) -> str:
+    """Name of a database with the grid's roads that nobody is connected to."""
+    name = new_database(template_db)
+    engine = make_engine(cluster.url_of(name))
+    fill_roads(session_factory(engine))
+    engine.dispose()
+    return name
+
+
 @pytest.fixture
-def filled(web: Web) -> Web:
+def filled(grid_database: str, web: Web) -> Web:
     """The same with the grid's roads."""
-    fill_roads(web.sessions)
     return web
 
 

@@ -1,7 +1,8 @@
 """The API's document in OpenAPI 3.0, which many clients still want: made from the one in 3.1.
 
 A schema of 3.1 is JSON Schema; one of 3.0 is an older dialect of its own. What the older one cannot say (names of
-properties by pattern, conditions) is left out: it then allows more, never less. Sources: OpenAPI 3.0.3 and 3.1.0.
+properties by pattern, conditions) is left out: it then allows more, never less. Where a part that allows more would
+make the whole allow less, in ``oneOf`` and ``not``, the whole is loosened too. Sources: OpenAPI 3.0.3 and 3.1.0.
 """
 
 from __future__ import annotations
@@ -24,6 +25,17 @@ _ONLY_31 = frozenset({
     "dependentRequired", "unevaluatedItems", "unevaluatedProperties", "contentEncoding", "contentSchema",
 })  # fmt: skip
 _LISTS = ("allOf", "anyOf", "oneOf")
+_EXACT = frozenset({
+    "type", "enum", "const", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "multipleOf", "minLength",
+    "maxLength", "pattern", "format", "minItems", "maxItems", "uniqueItems", "minProperties", "maxProperties",
+    "required", "properties", "additionalProperties", "items", "prefixItems", "not", *_LISTS, "title", "description",
+    "default", "example", "examples", "deprecated", "contentMediaType",
+})  # fmt: skip
+"""What can be said in both versions, as long as it can be said of all parts."""
+
+_TOGETHER = (frozenset({"type", "nullable"}), frozenset({"properties", "additionalProperties"}))
+"""What means something else beside each other than in schemas of their own."""
+
 _NULL = {"type": "null"}
 _NULL_30 = {"enum": [None], "nullable": True}
 _METHODS = frozenset({"get", "put", "post", "delete", "options", "head", "patch", "trace"})
@@ -54,6 +66,7 @@ def schema_30(schema: Any) -> Json:
     if isinstance(schema, bool):
         return {} if schema else {"not": {}}
     older: Json = {name: value for name, value in schema.items() if name not in _ONLY_31}
+    _more_properties(older, schema.get("patternProperties", {}))
     _values(older)
     _limits(older)
     _lists_of_items(older)
@@ -62,8 +75,40 @@ def schema_30(schema: Any) -> Json:
     _types(older)
     if "$ref" in older and len(older) > 1:
         # In 3.0 nothing that stands beside a reference counts.
-        return {"allOf": [{"$ref": older.pop("$ref")}], **older}
+        _and(older, {"$ref": older.pop("$ref")})
     return older
+
+
+def _is_exact(schema: Any) -> bool:
+    """Whether ``schema_30`` allows no more than this schema of 3.1 does; False where that is not known."""
+    if isinstance(schema, bool):
+        return True
+    if not schema.keys() <= _EXACT:
+        return False
+    of_places, rest = schema.get("prefixItems", []), schema.get("items", True)
+    if of_places and not _all_same([*of_places, *([] if rest is False else [rest])]):
+        return False
+    parts = [
+        *schema.get("properties", {}).values(),
+        *(schema[name] for name in ("items", "additionalProperties", "not") if name in schema),
+        *(part for name in ("prefixItems", *_LISTS) for part in schema.get(name, [])),
+    ]
+    return all(_is_exact(part) for part in parts)
+
+
+def _and(schema: Json, other: Json) -> None:
+    """Let ``schema`` ask for what ``other`` asks for, besides."""
+    if "$ref" not in other and _can_stand_beside(other, schema):
+        schema.update(other)
+    else:
+        schema["allOf"] = [*schema.get("allOf", []), other]
+
+
+def _can_stand_beside(one: Json, other: Json) -> bool:
+    """Whether both say together what they say apart."""
+    return not one.keys() & other.keys() and not any(
+        group & one.keys() and group & other.keys() for group in _TOGETHER
+    )
 
 
 def _place(value: Any) -> Any:
@@ -82,9 +127,16 @@ def _place(value: Any) -> Any:
     }
 
 
+def _more_properties(schema: Json, patterns: Mapping[str, Any]) -> None:
+    """Properties that patterns name would otherwise count as additional ones, and those may be forbidden."""
+    rest = schema.get("additionalProperties", True)
+    if patterns and rest is not True:
+        schema["additionalProperties"] = {"anyOf": [*patterns.values(), *([] if rest is False else [rest])]}
+
+
 def _values(schema: Json) -> None:
     if "const" in schema:
-        schema["enum"] = [schema.pop("const")]
+        _and(schema, {"enum": [schema.pop("const")]})
     examples = schema.pop("examples", None)
     if examples:
         schema.setdefault("example", examples[0])
@@ -115,14 +167,15 @@ def _lists_of_items(schema: Json) -> None:
     kinds = [*first, *([rest] if isinstance(rest, dict) else [])]
     if rest is False:
         schema["maxItems"] = min(len(first), schema.get("maxItems", len(first)))
-    schema["items"] = (
-        {} if rest is True else kinds[0] if all(kind == kinds[0] for kind in kinds) else {"anyOf": kinds}
-    )
+    schema["items"] = {} if rest is True else kinds[0] if _all_same(kinds) else {"anyOf": kinds}
 
 
 def _parts(schema: Json) -> None:
     if "properties" in schema:
         schema["properties"] = {name: schema_30(part) for name, part in schema["properties"].items()}
+    if not _is_exact(schema.get("not", True)):
+        # What is forbidden would grow with what is allowed in there.
+        del schema["not"]
     for name in ("items", "not"):
         if name in schema:
             schema[name] = schema_30(schema[name])
@@ -134,24 +187,32 @@ def _parts(schema: Json) -> None:
 
 
 def _choices(schema: Json) -> None:
-    for name in _LISTS:
-        if name not in schema:
-            continue
-        kinds = [kind for kind in schema[name] if kind != _NULL]
-        with_null = len(kinds) < len(schema[name])
+    lists = {name: schema.pop(name) for name in _LISTS if name in schema}
+    for name, parts in lists.items():
+        kinds = parts if name == "allOf" else [kind for kind in parts if kind != _NULL]
+        nulls = len(parts) - len(kinds)
         older = [schema_30(kind) for kind in kinds]
-        del schema[name]
-        if len(older) == 1 and "$ref" in older[0]:
+        only = older[0] if len(older) == 1 else None
+        if only is not None and "$ref" in only:
             # As generators of clients read it; to the letter nullable says nothing where there is no type beside it.
-            schema["allOf"] = [*schema.get("allOf", []), *older]
-            schema.update({"nullable": True} if with_null else {})
+            _and(schema, only)
+            schema.update({"nullable": True} if nulls else {})
         elif (
-            len(older) == 1 and (not with_null or "type" in older[0]) and not older[0].keys() & schema.keys()
+            only is not None
+            and (not nulls or _takes_null(name, nulls, only))
+            and _can_stand_beside(only, schema)
         ):
-            schema.update(older[0])
-            schema.update({"nullable": True} if with_null else {})
+            schema.update(only)
+            schema.update({"nullable": True} if nulls else {})
         else:
-            schema[name] = [*older, *([dict(_NULL_30)] if with_null else [])]
+            # Alternatives of which one allows more now may no longer exclude each other.
+            loosened = name == "oneOf" and not all(_is_exact(kind) for kind in kinds)
+            _and(schema, {"anyOf" if loosened else name: [*older, *(dict(_NULL_30) for _ in range(nulls))]})
+
+
+def _takes_null(name: str, nulls: int, kind: Json) -> bool:
+    """Whether null as the other alternative is said by nullable; one of two that both allow it would be neither."""
+    return "type" in kind and (name == "anyOf" or (nulls == 1 and "nullable" not in kind))
 
 
 def _types(schema: Json) -> None:
@@ -160,16 +221,16 @@ def _types(schema: Json) -> None:
     with_null = {"nullable": True} if "null" in kinds else {}
     kinds = [kind for kind in kinds if kind != "null"]
     if with_null and not kinds:
-        schema.update(_NULL_30)
+        _and(schema, dict(_NULL_30))
     elif len(kinds) == 1:
         schema.update({"type": kinds[0], **with_null})
     elif kinds:
         # Nullable counts only beside a type.
-        schema["anyOf"] = [
-            {"type": kind, **with_null, **({"items": schema.get("items", {})} if kind == "array" else {})}
-            for kind in kinds
+        items = schema.pop("items", {})
+        of_types = [
+            {"type": kind, **with_null, **({"items": items} if kind == "array" else {})} for kind in kinds
         ]
-        schema.pop("items", None)
+        _and(schema, {"anyOf": of_types})
 
 
 def _share_parameters(document: Json) -> None:
@@ -196,6 +257,11 @@ def _share_parameters(document: Json) -> None:
                     names[text] = next(one for one in free if one not in shared)
                     shared[names[text]] = parameter
                 parameters[index] = {"$ref": f"#/components/parameters/{names[text]}"}
+
+
+def _all_same(values: list[Any]) -> bool:
+    """To Python true is 1."""
+    return len({_text(value) for value in values}) == 1
 
 
 def _text(value: Any) -> str:

@@ -20,6 +20,7 @@ from app.core.admission import (
 from app.core.errors import BusyError
 from problem_support import check
 from server_support import Gate, asked_at_once, holding, wait_until
+from web_fixtures import TLS
 
 QUICK = ("/healthz", "/readyz", "/v1/drives", "/v1/segments/999")
 
@@ -86,7 +87,7 @@ def test_sixty_deletions_keep_nobody_else_waiting(reading: Any, monkeypatch: pyt
     drive = "00000000-0000-0000-0000-000000000000"
 
     def ask(web: Any) -> None:
-        with httpx.Client(base_url=web.base, trust_env=False, timeout=60) as client:
+        with httpx.Client(base_url=web.base, trust_env=False, timeout=60, verify=TLS) as client:
             client.post(f"/v1/drives/{drive}/reprocess")
 
     from threading import Thread  # noqa: PLC0415 - the only use

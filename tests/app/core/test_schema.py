@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,9 +13,10 @@ import psycopg
 import pytest
 from alembic.script import ScriptDirectory
 
-from app.core import migrate, schema
+from app.core import databases, migrate, schema
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
+from app.embedded.cluster import EmbeddedPostgres
 from problem_support import check
 
 BEFORE_THE_RECORD = "0009"  # the last revision whose databases do not say what the queue is at
@@ -44,9 +45,26 @@ def execute(url: str, statement: str | bytes) -> None:
         connection.execute(statement.encode() if isinstance(statement, str) else statement)
 
 
+@pytest.fixture(scope="module")
+def before_the_record(cluster: EmbeddedPostgres, new_database: Callable[[str], str]) -> str:
+    """Name of a database of before the record that nobody is connected to."""
+    name = new_database("template0")
+    migrate.upgrade(cluster.url_of(name), BEFORE_THE_RECORD)
+    return name
+
+
+@pytest.fixture
+def older_url(
+    cluster: EmbeddedPostgres, new_database: Callable[[str], str], before_the_record: str
+) -> Iterator[str]:
+    """A database like that, of this test alone."""
+    name = new_database(before_the_record)
+    yield cluster.url_of(name)
+    databases.drop_database(cluster.url, name)
+
+
 def with_older_queue(url: str, last: str) -> None:
-    """A database of before the record, with a job, whose queue goes up to the file ``last``."""
-    migrate.upgrade(url, BEFORE_THE_RECORD)
+    """Let a database of before the record have a job, and a queue that goes up to the file ``last``."""
     first = importlib.import_module("migrations.versions.0001_first")
     execute(url, first._DROP_QUEUE)
     folder = Path(schema.SchemaManager.get_migrations_path())
@@ -56,17 +74,19 @@ def with_older_queue(url: str, last: str) -> None:
     execute(url, "INSERT INTO procrastinate_jobs (queue_name, task_name) VALUES ('drives', 'process_drive')")
 
 
-@pytest.fixture
-def newest(database_url: str) -> set[tuple[Any, ...]]:
+@pytest.fixture(scope="module")
+def newest(
+    cluster: EmbeddedPostgres, template_db: str, new_database: Callable[[str], str]
+) -> set[tuple[Any, ...]]:
     """What the queue of a new database is made of."""
-    return rows(database_url, _QUEUE)
+    return rows(cluster.url_of(new_database(template_db)), _QUEUE)
 
 
 @pytest.mark.parametrize("last", [name for name in schema.queue_files() if name > "02.14"])
 def test_an_older_queue_comes_up_to_the_installed_one(
-    blank_database_url: str, newest: set[tuple[Any, ...]], last: str
+    older_url: str, newest: set[tuple[Any, ...]], last: str
 ) -> None:
-    url = blank_database_url
+    url = older_url
     with_older_queue(url, last)
     former = rows(url, _QUEUE)
     migrate.upgrade(url)

@@ -19,6 +19,7 @@ from sqlalchemy import text
 
 from app.core.settings import Settings
 from processing_support import carry_out_removals
+from web_fixtures import TLS
 
 LOG = b"time_s,lat_deg,lon_deg\n1700000000,49.0,8.4\n"
 
@@ -67,7 +68,9 @@ def test_the_bytes_are_stored_as_they_came(web: Any) -> None:
 
 def test_the_same_bytes_many_times_at_once_are_one_drive(web: Any) -> None:
     def upload(_: int) -> Any:
-        return httpx.post(f"{web.base}/v1/drives", files={"file": LOG}, trust_env=False, timeout=60)
+        return httpx.post(
+            f"{web.base}/v1/drives", files={"file": LOG}, trust_env=False, timeout=60, verify=TLS
+        )
 
     with ThreadPoolExecutor(6) as pool:
         answers = list(pool.map(upload, range(12)))

@@ -28,6 +28,7 @@ from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.rinex_file import navigation, observations
 from processing_support import HEADER, drive_now, process_drive
+from web_fixtures import TLS
 
 OBS, NAV, IMU = HEADER + b"observations " * 300, b"navigation " * 400, b"1,2,3\r\n" * 500
 NAMED = [("a.obs", OBS), ("a.nav", NAV), ("imu.csv", IMU)]
@@ -57,7 +58,7 @@ def test_parts_a_zip_and_any_order_are_one_drive(web: Any) -> None:
     forms += [{"content": zipped(files, zipfile.ZIP_STORED)} for files in (NAMED[::-1], packed)]
 
     def upload(one: dict[str, Any]) -> httpx.Response:
-        return httpx.post(f"{web.base}/v1/drives", **one, trust_env=False, timeout=60)
+        return httpx.post(f"{web.base}/v1/drives", **one, trust_env=False, timeout=60, verify=TLS)
 
     with ThreadPoolExecutor(4) as pool:
         answers = list(pool.map(upload, forms))

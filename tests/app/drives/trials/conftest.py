@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import uuid
 from pathlib import Path
 from typing import Any
@@ -10,17 +11,16 @@ import pytest
 from sqlalchemy import text
 
 from app.drives.process import Outcome
-from app.roads import imports as road_imports
-from app.terrain import imports as dem_imports
 from processing_support import process_drive
 from web_fixtures import Web
 
 
 @pytest.fixture
-def town_web(web: Web, files: Path) -> Web:
+def town_web(town_database: str, town_rasters: Path, web: Web) -> Web:
     """The town's roads and elevation in the service's database."""
-    road_imports.import_roads(web.sessions, files / "town.osm", web.settings.dem_dir)
-    dem_imports.import_dem(web.sessions, [files / "town.tif"], web.settings.dem_dir)
+    place = web.settings.dem_dir
+    assert isinstance(place, Path)
+    shutil.copytree(town_rasters, place, dirs_exist_ok=True)
     return web
 
 

@@ -6,7 +6,7 @@ import copy
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from openapi_schema_validator import OAS30Validator
@@ -48,9 +48,10 @@ def deeper(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
         st.builds(lambda of: {"type": "array", "prefixItems": of, "items": False}, lists),
         st.builds(
             lambda of, more: {"type": "object", "properties": of, "additionalProperties": more, **NAMED},
-            st.dictionaries(st.sampled_from(["a", "b"]), parts),
+            st.dictionaries(st.sampled_from(["a", "x"]), parts),
             parts,
         ),
+        st.builds(lambda one: {"not": one}, parts),
     )
 
 
@@ -58,12 +59,32 @@ SCHEMAS = st.recursive(PLAIN, deeper, max_leaves=5)
 INSTANCES = st.recursive(
     VALUES,
     lambda parts: (
-        st.lists(parts, max_size=3) | st.dictionaries(st.sampled_from(["a", "b"]), parts, max_size=2)
+        st.lists(parts, max_size=3) | st.dictionaries(st.sampled_from(["a", "b", "x"]), parts, max_size=2)
     ),
     max_leaves=4,
 )
 
 
+ONE_BY_PLACE = {"type": "array", "prefixItems": [{"const": 1}, True], "items": False}
+SOME_BY_NAME = {
+    "type": "object",
+    "patternProperties": {"^x": {"type": "string"}},
+    "additionalProperties": False,
+}
+
+
+@example(  # the second alternative takes the first's item at any place, once it no longer says at which
+    schema={"oneOf": [{"type": "array", "items": {"type": ["boolean"]}, "maxItems": 3}, ONE_BY_PLACE]},
+    instances=[[False]],
+)
+@example(schema={"not": ONE_BY_PLACE}, instances=[[False]])
+@example(schema={"oneOf": [{"not": ONE_BY_PLACE}, {"type": "string"}]}, instances=[[False], "a"])
+@example(  # what is true and what is 1 are the same to Python
+    schema={"type": "array", "prefixItems": [{"const": 1}, {"const": True}], "items": False},
+    instances=[[1, True]],
+)
+@example(schema=SOME_BY_NAME, instances=[{"x": "a"}])
+@example(schema={"oneOf": [{"allOf": [SOME_BY_NAME]}, {"type": "object"}]}, instances=[{"x": 1}])
 @settings(max_examples=60, deadline=None)
 @given(schema=SCHEMAS, instances=st.lists(INSTANCES, min_size=4, max_size=8))
 def test_what_is_valid_in_3_1_is_valid_in_3_0(schema: Any, instances: list[Any]) -> None:
@@ -79,8 +100,30 @@ def test_what_is_valid_in_3_1_is_valid_in_3_0(schema: Any, instances: list[Any])
 
 
 @pytest.mark.parametrize(
+    ("schema", "instance"),
+    [
+        ({"oneOf": [{"type": ["integer", "null"]}, {"type": "null"}]}, None),
+        ({"oneOf": [{"type": "null"}, {"type": "null"}]}, None),
+        ({"oneOf": [{"type": "integer"}, {"type": "number"}]}, 1),
+        ({"allOf": [{"type": "integer"}, {"type": "null"}]}, None),
+        ({"type": "integer", "allOf": [{"type": ["null"]}]}, None),
+        ({"type": "null", "const": "a"}, None),
+        ({"const": "a", "enum": ["b"]}, "a"),
+        ({"anyOf": [{"const": 1}, {"const": 2}], "type": ["string", "integer"]}, 3),
+        ({"allOf": [{"anyOf": [{"const": 1}, {"const": 2}]}], "anyOf": [{"const": 1}, {"const": 3}]}, 3),
+        ({"properties": {"a": True}, "allOf": [{"additionalProperties": False}]}, {"a": 1}),
+        ({"not": {"type": "array", "prefixItems": [{"const": 1}] * 2, "items": False}}, [1]),
+    ],
+)
+def test_what_3_0_can_say_stays_forbidden(schema: dict[str, Any], instance: Any) -> None:
+    assert not Draft202012Validator(schema).is_valid(instance)
+    assert not OAS30Validator(schema_30(schema)).is_valid(instance)
+
+
+@pytest.mark.parametrize(
     ("schema", "expected"),
     [
+        ({"oneOf": [{"type": "integer"}, {"const": "a"}]}, {"oneOf": [{"type": "integer"}, {"enum": ["a"]}]}),
         ({"type": ["string", "null"]}, {"type": "string", "nullable": True}),
         ({"anyOf": [{"type": "integer"}, {"type": "null"}]}, {"type": "integer", "nullable": True}),
         (
