@@ -63,6 +63,10 @@ COMMANDS = {
     "settle": Command(
         "app.cli.imports", "Compute the slopes of the whole network anew from what the drives contributed."
     ),
+    "repeats": Command(
+        "app.cli.imports",
+        "Show what repeated drives say of each other's sigmas; widen those that they contradict.",
+    ),
     "elevation": Command("app.cli.elevation", "List, rank or remove the elevation rasters that are in use."),
     "backup": Command(
         "app.cli.upkeep", "Copy the database, the logs and the elevation rasters of a running service."

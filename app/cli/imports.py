@@ -1,4 +1,4 @@
-"""What the service's slopes rest on: roads, terrain and surveyed heights, and ``settle`` after a change of them."""
+"""What slopes and sigmas rest on: roads, terrain, surveyed heights, repeats, and ``settle`` after a change of them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -24,6 +24,13 @@ regions_app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="List the regions of the road network, or remove one."
 )
 app.add_typer(regions_app, name="regions")
+
+repeats_app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="Show what repeated drives say of each other's sigmas; widen those that they contradict.",
+)
+app.add_typer(repeats_app, name="repeats")
 
 REGION_NAME = opt(
     "The region that the file brings up to date; default: the file's name without .osm.pbf and the like.",
@@ -234,3 +241,73 @@ def settle(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path
     seconds = time.perf_counter() - started
     typer.echo(f"{segments} segments of the network in {seconds:.1f} s.")
     write_json(json_file, {"segments": segments, "seconds": round(seconds, 3)})
+
+
+@repeats_app.command("show")
+def show(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE) -> None:
+    """Show how far drives over one segment are apart, in their own sigmas, and the widenings that are applied."""
+    from app.cli.database import sessions
+    from app.network.widenings import device_classes, repeat_rows
+
+    with sessions(data_dir) as (_, factory), factory() as session:
+        rows, classes = repeat_rows(session), device_classes(session)
+    for row in rows:
+        typer.echo(
+            f"{row['kind']:10} {row['group']:24} rms z {row['rms_z']:5.2f}, {row['inside_share']:4.0%} inside; "
+            f"{row['pairs']} pairs of {row['drive_pairs']} pairs of drives."
+        )
+    if not rows:
+        typer.echo("No segment has been driven twice yet.")
+    _tell(classes)
+    write_json(json_file, {"repeats": rows, "classes": _plain(classes)})
+
+
+@repeats_app.command("learn")
+def learn(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE) -> None:
+    """Learn by how much the sigmas of each device class are too small, and widen them from now on.
+
+    Where a widening changes by more than 5 %, the cells of its drives are marked, and the workers solve them when no
+    drive waits. Drives may come and go meanwhile; what is interrupted is finished by the next call.
+    """
+    from app.network import widenings
+
+    _change(ctx.obj, widenings.learn, data_dir, json_file)
+
+
+@repeats_app.command("reset")
+def reset(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE) -> None:
+    """Set all widenings to 1: drives are taken at their word again, until the next `versant repeats learn`."""
+    from app.network import widenings
+
+    _change(ctx.obj, widenings.reset, data_dir, json_file)
+
+
+def _change(
+    console: Console,
+    change: Callable[..., list[dict[str, Any]]],
+    data_dir: Path | None,
+    json_file: Path | None,
+) -> None:
+    from app.cli.database import sessions
+
+    with sessions(data_dir) as (_, factory), console.progress() as bars:
+        classes = change(factory, bars.work("repeats"))
+    _tell(classes)
+    write_json(json_file, {"classes": _plain(classes)})
+
+
+def _tell(classes: list[dict[str, Any]]) -> None:
+    from app.network.widenings import sentence
+
+    for one in classes:
+        typer.echo(
+            f"{one['name']}: sigmas too small by {one['learned']:.2f} +- {one['sigma']:.2f} "
+            f"({one['drive_pairs']} pairs of drives), multiplied by {one['applied']:.2f}."
+        )
+    typer.echo(sentence(classes))
+
+
+def _plain(classes: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    from app.core.text import utc_text
+
+    return [{**one, "learned_at": utc_text(one["learned_at"])} for one in classes]

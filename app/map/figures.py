@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.map.tiles.tiles import tag_of
 from app.map.tiles.watch import Versions
+from app.network.widenings import repeat_rows
 
 _EPOCH = text("SELECT epoch || CAST(xmin AS text) FROM tile_epoch")
 _CELLS = text("""
@@ -125,6 +126,7 @@ KEPT: Mapping[str, Callable[[Session], Rows]] = {
     "sigmas": partial(_rows, SIGMAS),
     "disagreements": partial(_rows, DISAGREEMENTS),
     "terrain": partial(_rows, TERRAIN),
+    "repeats": repeat_rows,
     "tiles": tiles_by_zoom,
 }
 """Name of figures -> how they are made."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import uuid
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +21,7 @@ from app.network.cells import partitions_around
 from app.network.condensed import StoredPass, by_drive, condensed_over, constants_outside, oldest
 from app.network.extracts import roads_in
 from app.network.passes import passes_over
+from app.network.widenings import widenings_of
 from fusion.frames import SHORTEST_DEGREE_M
 from fusion.network.adjust import adjust
 from fusion.network.condensed import CondensedPasses
@@ -157,6 +158,8 @@ class Solution:
     """None where nothing was to be solved"""
     condensed: list[tuple[int, CondensedPasses]] = field(default_factory=list)
     """The condensed passes over each segment"""
+    widening: Mapping[uuid.UUID, float] = field(default_factory=dict)
+    """What sigmas of a drive were multiplied by; of others by 1"""
 
     def settled(self) -> bool:
         """Whether slopes outside of what is published stay as they are."""
@@ -184,16 +187,18 @@ class Solution:
         return count
 
     def old_passes(self, shown: Bools) -> list[StoredPass]:
-        """The passes over ``shown`` rows that are to be condensed, with the weight of each in this solution."""
+        """The passes over ``shown`` rows that are to be condensed, with the weight of each in this solution: a pass
+        whose sigma is widened weighs less."""
         if self.result is None:
             return []
         mine = set(self.around.ids[shown & self.subnetwork.solved].tolist())
         weight, over = self.result.weight, dict[int, list[StoredPass]]()
         for k, laps in enumerate(self.drives):
+            less = self.widening.get(laps[0].drive_id, 1.0) ** -2.0
             for p in laps:
                 name = (k, p.factor.sequence)
                 if p.id is not None and p.factor.segment in mine:
-                    counted = weight[name] if self.result.accepted[name] else 0.0
+                    counted = less * weight[name] if self.result.accepted[name] else 0.0
                     over.setdefault(p.factor.segment, []).append(p._replace(weight=counted))
         return oldest(over)
 
@@ -248,10 +253,18 @@ def _solve(
     own = {p.drive_id for p in instead}
     passes = [p for p in passes_over(session, ids) if p.drive_id not in own]
     drives = by_drive([*passes, *(p for p in instead if p.factor.segment in row_of)])
-    outside = constants_outside(session, drives)
-    outside = {k: constants for k, constants in outside.items() if drives[k][0].drive_id not in own}
+    widening = widenings_of(session, {laps[0].drive_id for laps in drives})
+    times = [widening.get(laps[0].drive_id, 1.0) for laps in drives]
+    outside = {
+        k: constants.widened(times[k])
+        for k, constants in constants_outside(session, drives).items()
+        if drives[k][0].drive_id not in own
+    }
     condensed = sorted(condensed_over(session, ids, next(iter(own), None)).items())
-    factors = {k: [p.factor.over(row_of[p.factor.segment]) for p in laps] for k, laps in enumerate(drives)}
+    factors = {
+        k: [p.factor.over(row_of[p.factor.segment]).widened(times[k]) for p in laps]
+        for k, laps in enumerate(drives)
+    }
     length = knot_length(around.table.length_m[subnetwork.solved])
     for k, (segment, one) in enumerate(condensed, len(drives)):
         factors[k] = [one.factor(row_of[segment], float(length[row_of[segment]]))]
@@ -262,4 +275,4 @@ def _solve(
         control_on(session, around.table).among(subnetwork.solved),
         outside=outside,
     )
-    return Solution(around, subnetwork, drives, result, condensed)
+    return Solution(around, subnetwork, drives, result, condensed, widening)

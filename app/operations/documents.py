@@ -21,6 +21,8 @@ class Kind(StrEnum):
     REMOVE_REGION = "remove-region"
     REMOVE_RASTER = "remove-raster"
     SETTLE = "settle"
+    LEARN_WIDENINGS = "learn-widenings"
+    RESET_WIDENINGS = "reset-widenings"
 
 
 WITH_FILE = frozenset({Kind.IMPORT_ROADS, Kind.IMPORT_DEM})

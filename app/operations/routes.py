@@ -47,6 +47,8 @@ TAKEN: Mapping[Kind, frozenset[str]] = {
     Kind.REMOVE_REGION: frozenset({"name"}),
     Kind.REMOVE_RASTER: frozenset({"name"}),
     Kind.SETTLE: frozenset(),
+    Kind.LEARN_WIDENINGS: frozenset(),
+    Kind.RESET_WIDENINGS: frozenset(),
 }
 """Which parameters belong to which kind."""
 LEAST_PRIORITY, MOST_PRIORITY = -1000, 1000
@@ -108,7 +110,8 @@ async def ask_for_operation(
     origin: Origin,
     query: Annotated[OperationRequest, Query()],
 ) -> Operation:
-    """Have a worker import roads or an elevation raster, remove a region or a raster, or solve the whole map anew.
+    """Have a worker import roads or an elevation raster, remove a region or a raster, solve the whole map anew, or
+    learn by how much each device class's sigmas are too small, or reset that.
 
     One at a time, behind uploads. `import-roads` and removals first say what they would do, and wait as `planned` for
     `approve`; the others are done at once. The same again, while it waits, is the same operation. Follow it at

@@ -19,6 +19,7 @@ from app.core.filesystems import full_is_told, require_room
 from app.core.tables import requests as tables
 from app.core.telemetry.logs import tell
 from app.jobs.requests.run import RequestKind, RequestRun, expected_failure
+from app.network import widenings
 from app.network.locks import roads_change
 from app.network.settle import settle_network
 from app.operations import store
@@ -214,6 +215,22 @@ def _settle(run: Run) -> Outcome:
     )
 
 
+def _learn_widenings(run: Run) -> Outcome:
+    return _widen(run, widenings.learn)
+
+
+def _reset_widenings(run: Run) -> Outcome:
+    return _widen(run, widenings.reset)
+
+
+def _widen(run: Run, change: Callable[..., list[Document]]) -> Outcome:
+    _note_state(run, begun=True)
+    with run.computing():
+        classes = change(run.sessions, run.show)
+    applied = {one["name"]: one["applied"] for one in classes}
+    return Outcome({"widenings": applied, "sentence": widenings.sentence(classes)})
+
+
 def _done(run: Run, sentence: str) -> Outcome:
     return Outcome({**(run.request.plan or {}), "sentence": sentence})
 
@@ -224,6 +241,8 @@ _WORK: dict[Kind, Callable[[Run], Outcome]] = {
     Kind.REMOVE_REGION: _remove_region,
     Kind.REMOVE_RASTER: _remove_raster,
     Kind.SETTLE: _settle,
+    Kind.LEARN_WIDENINGS: _learn_widenings,
+    Kind.RESET_WIDENINGS: _reset_widenings,
 }
 
 

@@ -96,6 +96,15 @@ class ConstantsInformation:
             left.keys[informed], left.information[np.ix_(informed, informed)], left.vector[informed]
         )
 
+    def widened(self, widening: float) -> ConstantsInformation:
+        """The same of passes whose sigmas are ``widening`` times as large (``PassFactor.widened``)."""
+        less = widening**-2.0
+        return (
+            self
+            if widening == 1.0
+            else ConstantsInformation(self.keys, less * self.information, less * self.vector)
+        )
+
     def _with(self, other: ConstantsInformation, sign: float) -> ConstantsInformation:
         keys, where = np.unique(np.concatenate([self.keys, other.keys]), axis=0, return_inverse=True)
         where = where.ravel()

@@ -9,7 +9,7 @@ the passes of a drive hang together, ``fusion.network.unknowns``'.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from operator import attrgetter
 from typing import Self
@@ -42,6 +42,9 @@ ENTRY = slice(7, 9)
 EXIT = slice(9, 11)
 NUISANCES = 11
 """The drive's unknowns behind the knots: the constants, then the height errors at entry, then those at exit."""
+
+DRIVEN_BYTES = 96
+"""So many of a stored factor's first bytes tell which part of the segment was driven, and when."""
 
 _HEAD = 15
 _FORMAT = -2.0
@@ -85,6 +88,20 @@ class PassFactor:
         """The same pass, by another number of its segment: twice as fast as ``dataclasses.replace``."""
         return PassFactor(segment, *_BUT_SEGMENT(self))
 
+    def widened(self, widening: float) -> PassFactor:
+        """The same pass with all sigmas that it states ``widening`` times as large, those of its walks too."""
+        if widening == 1.0:
+            return self
+        less, more = widening**-2.0, widening**2.0
+        walk_a, walk_b = self.walk_m2_per_s
+        return replace(
+            self,
+            information=less * self.information,
+            vector=less * self.vector,
+            square=less * self.square,
+            walk_m2_per_s=(more * walk_a, more * walk_b),
+        )
+
     @property
     def used(self) -> Bools:
         """Which of ``NUISANCES`` the factor speaks of, shape (``NUISANCES``,)."""
@@ -104,6 +121,15 @@ class PassFactor:
         for members in alike.values():
             out.update(zip(members, _packed([factors[k] for k in members]), strict=True))
         return [out[k] for k in range(len(factors))]
+
+    @staticmethod
+    def driven(stored: Sequence[bytes]) -> Floats:
+        """Of encoded factors, or their first ``DRIVEN_BYTES``: start and end, m, first and last time, s; (n, 4)."""
+        head = np.array([np.frombuffer(data, "<f8", DRIVEN_BYTES // 8) for data in stored]).reshape(
+            -1, DRIVEN_BYTES // 8
+        )
+        former = (head[:, 0] != _FORMAT)[:, None]  # which began with the number of the mount
+        return np.where(former, head[:, [5, 6, 9, 10]], head[:, [6, 7, 10, 11]])
 
     @classmethod
     def decode(cls, data: bytes, segment: int, sequence: int) -> Self:

@@ -86,6 +86,30 @@ class DriveConstants(Base):
     """Where its passes are: all regions, so that nobody looks for them elsewhere."""
 
 
+class DeviceClass(Base):
+    """Drives of one kind of device, and what their repeats say of their sigmas (``app.network.widenings``)."""
+
+    __tablename__ = "device_classes"
+
+    name: Mapped[str] = mapped_column(primary_key=True)
+    applied: Mapped[float]
+    """What sigmas of its drives are multiplied by in every solution."""
+    learned: Mapped[float]
+    """By how much they are too small, as repeats show."""
+    sigma: Mapped[float]
+    """Of ``learned``."""
+    pairs: Mapped[int]
+    """Of drives over one segment each, of the class on either side."""
+    drive_pairs: Mapped[int]
+    """Different pairs of drives among these, which is what ``sigma`` goes by."""
+    drives: Mapped[int]
+    learned_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+    marked_after: Mapped[uuid.UUID | None]
+    """Drives up to this one are marked since ``applied`` changed; NULL: all are."""
+
+    __table_args__ = (sa.CheckConstraint("applied >= 1", name="applied"),)
+
+
 class ControlPoint(Base):
     """A surveyed height, above the datum that the drives' altitudes use; one at a place."""
 

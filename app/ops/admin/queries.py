@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from app.core.telemetry import audit
 from app.map import figures
 from app.map.figures import growth
+from app.network.widenings import device_classes
 from app.ops.admin import store
 from app.ops.admin.attention import FAILED_DAYS, attention
 from app.ops.admin.store import Parameters, Read, Rows
@@ -200,6 +201,44 @@ for _query in (
             "rms_difference_percent": "Root of the mean square",
             "rms_sigma_percent": "The same of the drives' own sigmas: what of it may be theirs",
         },
+    ),
+    AdminQuery(
+        "repeats",
+        "Repeats: what drives over one segment say of each other's sigmas",
+        "Each drive's own slope of a segment against that of the drive before it, in sigmas that they state themselves "
+        "(z, 1 in the root of the mean square where sigmas are true), by device class, direction, speed, length and "
+        "season. Pairs of the same two drives share their errors: the band of z goes by pairs of drives.",
+        {
+            "kind": "What the group is of: `all`, `class`, `direction`, `speed`, `length` or `season`",
+            "group": "Its name",
+            "pairs": "Pairs of drives over one segment each",
+            "drive_pairs": "Different pairs of drives among these",
+            "segments": "Different segments",
+            "rms_z": "Root of the mean square of z",
+            "rms_z_sigma": "Its sigma",
+            "inside_share": "Share of pairs within 1.96 sigmas; 0.95 where sigmas are true",
+            "median_difference_percent": "Median of the difference of both slopes",
+            "mean_sigma_percent": "Mean of the sigma that one drive states",
+            "widening": "Of classes: what sigmas are multiplied by since their repeats contradicted them",
+        },
+    ),
+    AdminQuery(
+        "device-classes",
+        "Widenings of device classes",
+        "What repeats said of each class of devices when widenings were learned last, and what its drives' sigmas are "
+        "multiplied by wherever the map is solved.",
+        {
+            "name": "Strongest sensor that was used, and the log's format",
+            "applied": "What sigmas are multiplied by; 1: drives are taken at their word",
+            "learned": "By how much repeats show them to be too small; below 1: too large",
+            "sigma": "Of `learned`",
+            "pairs": "Pairs of drives over one segment each, of this class on either side",
+            "drive_pairs": "Different pairs of drives among these",
+            "drives": "Drives of the class among these",
+            "learned_at": "When",
+            "marking": "Whether drives of it are still being marked for a change of `applied`",
+        },
+        lambda session, _asked: device_classes(session),
     ),
     AdminQuery(
         "tiles",

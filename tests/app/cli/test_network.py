@@ -1,4 +1,4 @@
-"""``versant settle``, and gaps in what ``export`` and ``fuse`` write."""
+"""``versant settle``, ``versant repeats``, and gaps in what ``export`` and ``fuse`` write."""
 
 from __future__ import annotations
 
@@ -52,6 +52,24 @@ def test_rebuild_makes_the_network_from_its_passes(sessions: Sessions, tmp_path:
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert figures["segments"] > 0
     assert f"{figures['segments']} segments of the network" in result.stdout
+
+
+def test_repeats_are_shown_learned_and_reset(sessions: Sessions, tmp_path: Path) -> None:
+    assert "No segment has been driven twice yet." in run("repeats", "show").stdout
+    with sessions() as session:
+        table, ids = road_store.all_roads(session)
+    for day in range(1, 4):
+        drive_over(sessions, table, ids, {0: (2.0 + day, 0.5), 1: (2.0, 0.5)}, 1.7e9 + 86_400.0 * day)
+    with sessions.begin() as session:
+        report = json.dumps({"format": "ubx", "sensors": {"barometer": {}}})
+        session.execute(text("UPDATE drives SET report = CAST(:report AS jsonb)"), {"report": report})
+    assert "class      barometer, ubx" in run("repeats", "show", "--json", tmp_path / "shown.json").stdout
+    assert json.loads((tmp_path / "shown.json").read_text())["repeats"][0]["group"] == "all"
+    for command in ("learn", "reset"):
+        result = run("repeats", command, "--json", tmp_path / "classes.json")
+        assert "all taken at their word" in result.stdout
+        [one] = json.loads((tmp_path / "classes.json").read_text())["classes"]
+        assert (one["name"], one["applied"], one["marking"]) == ("barometer, ubx", 1.0, False)
 
 
 def test_export_writes_gaps_on_demand(sessions: Sessions, tmp_path: Path) -> None:

@@ -155,6 +155,13 @@ def test_the_map_is_settled(filled: Web, work: Work) -> None:
     assert seen(filled, first)["result"]["sentence"].endswith("solved anew.")
 
 
+def test_widenings_are_learned_and_reset(filled: Web, work: Work) -> None:
+    for kind in ("learn-widenings", "reset-widenings"):
+        operation = ask(filled, kind=kind)
+        assert work(filled) == ["done"]
+        assert "taken at their word" in seen(filled, operation)["result"]["sentence"]
+
+
 def test_what_cannot_be_asked_for_is_said_and_leaves_nothing(web: Web, ground: Path, tmp_path: Path) -> None:
     empty = tmp_path / "empty.osm"
     empty.touch()

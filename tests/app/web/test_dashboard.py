@@ -83,7 +83,7 @@ def opened(tab: Tab, web: Web, *sections: str) -> Page:
     return page
 
 
-FOLDED = ("coverage", "agreement", "terrain", "roads", "bulk", "room", "audit")
+FOLDED = ("coverage", "agreement", "repeats", "terrain", "roads", "bulk", "room", "audit")
 
 
 def test_every_link_leads_somewhere(looked_at: Web, tab: Tab) -> None:

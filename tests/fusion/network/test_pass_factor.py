@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.network.pass_factor import NUISANCES, SPEED_PRESSURE, PassFactor, symmetric
+from fusion.network.pass_factor import DRIVEN_BYTES, NUISANCES, SPEED_PRESSURE, PassFactor, symmetric
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 masks = st.lists(st.booleans(), min_size=NUISANCES, max_size=NUISANCES)
@@ -117,6 +117,21 @@ def test_factors_of_version_0_2_are_read(seed: int, intervals: int, used: list[b
     mask = sum(1 << place for place, k in enumerate(before) if used[k])
     old = np.concatenate([new[1:14], [mask], new[16:]]).astype("<f8").tobytes()
     assert_same(factor, PassFactor.decode(old, 7, 3))
+    told = [(factor.start_m, factor.end_m, factor.first_time_s, factor.last_time_s)] * 2
+    assert PassFactor.driven([old, factor.encode()[:DRIVEN_BYTES]]).tolist() == [list(row) for row in told]
+    assert PassFactor.driven([]).shape == (0, 4)
+
+
+@given(seed=st.integers(0, 2**31), widening=st.floats(1.0, 5.0))
+def test_a_widened_pass_states_larger_sigmas_and_nothing_else(seed: int, widening: float) -> None:
+    factor = factor_of(seed)
+    wide = factor.widened(widening)
+    assert wide.information * widening**2 == pytest.approx(factor.information)
+    assert wide.vector * widening**2 == pytest.approx(factor.vector)
+    assert wide.square * widening**2 == pytest.approx(factor.square)
+    assert wide.walk_m2_per_s == pytest.approx([widening**2 * walk for walk in factor.walk_m2_per_s])
+    assert (wide.rows, wide.end_m, wide.roughness) == (factor.rows, factor.end_m, factor.roughness)
+    assert_same(factor.widened(1.0), factor)
 
 
 def test_a_decoded_factor_may_be_changed_like_any_other() -> None:

@@ -14,6 +14,7 @@ import { Coverage } from "./sections/Coverage";
 import { Failures } from "./sections/Failures";
 import { MapData } from "./sections/MapData";
 import { Queue } from "./sections/Queue";
+import { Repeats } from "./sections/Repeats";
 import { Room } from "./sections/Room";
 import { Terrain } from "./sections/Terrain";
 import { Throughput } from "./sections/Throughput";
@@ -36,6 +37,7 @@ const PARTS: Part[] = [
   { id: "throughput", query: "drives", open: true, Content: Throughput },
   { id: "coverage", query: "coverage", open: false, Content: Coverage },
   { id: "agreement", query: "disagreements", open: false, Content: Agreement },
+  { id: "repeats", query: "repeats", open: false, Content: Repeats },
   { id: "terrain", query: "terrain", open: false, Content: Terrain },
   { id: "roads", open: false, Content: MapData },
   { id: "bulk", open: false, Content: Bulk },

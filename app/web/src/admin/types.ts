@@ -85,6 +85,32 @@ export interface Disagreement {
   farthest_sigmas: number | null;
 }
 
+export interface Repeat {
+  kind: "all" | "class" | "direction" | "speed" | "length" | "season";
+  group: string;
+  pairs: number;
+  drive_pairs: number;
+  segments: number;
+  rms_z: number;
+  rms_z_sigma: number | null;
+  inside_share: number;
+  median_difference_percent: number;
+  mean_sigma_percent: number;
+  widening: number | null;
+}
+
+export interface DeviceClass {
+  name: string;
+  applied: number;
+  learned: number;
+  sigma: number;
+  pairs: number;
+  drive_pairs: number;
+  drives: number;
+  learned_at: string;
+  marking: boolean;
+}
+
 export interface TerrainTile {
   tile: string;
   segments: number;

@@ -16,14 +16,17 @@ export function operationsChanged(): void {
 
 /** An operation ended: roads and elevation may be others. */
 export function groundChanged(): void {
-  reader.readNow("/v1/regions", "/v1/rasters", "/v1/admin/attention");
+  reader.readNow("/v1/regions", "/v1/rasters", "/v1/admin/attention", "/v1/admin/device-classes");
 }
+
+const WIDENINGS = { "learn-widenings": "learn", "reset-widenings": "reset" } as const;
 
 /** Ask for an operation without a file. */
 export async function askFor(kind: string, name: string | null): Promise<void> {
   try {
     await ask<Operation>("POST", withQuery(OPERATIONS, { kind, name }));
-    tellDone(t(kind === "settle" ? "admin.operations.settle_asked" : "admin.operations.plan_asked"));
+    const asked = kind === "settle" ? "settle_asked" : kind in WIDENINGS ? "widenings_asked" : "plan_asked";
+    tellDone(t(`admin.operations.${asked}`));
     operationsChanged();
   } catch (error) {
     tellError(error);
@@ -38,6 +41,17 @@ export async function settle(): Promise<void> {
     action: t("admin.settle.do"),
   });
   if (yes) await askFor("settle", null);
+}
+
+/** Ask, then learn widenings of device classes, or reset them. */
+export async function widen(kind: keyof typeof WIDENINGS): Promise<void> {
+  const name = WIDENINGS[kind];
+  const yes = await confirmed({
+    title: t(`admin.repeats.${name}_ask`),
+    what: <p>{t(`admin.repeats.${name}_what`)}</p>,
+    action: t(`admin.repeats.${name}_do`),
+  });
+  if (yes) await askFor(kind, null);
 }
 
 /** Carry out what is planned. */

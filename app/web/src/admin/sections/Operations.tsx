@@ -18,7 +18,7 @@ function kindText(one: Operation): string {
 }
 
 function titleOf(one: Operation): string {
-  return one.subject && one.kind !== "settle" ? `${kindText(one)}: ${one.subject}` : kindText(one);
+  return one.subject && one.subject !== "map" ? `${kindText(one)}: ${one.subject}` : kindText(one);
 }
 
 function sentenceOf(plan: Record<string, unknown> | null): string | null {

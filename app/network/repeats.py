@@ -1,0 +1,134 @@
+"""Repeats: drives over one segment, paired with those before them (``fusion.network.repeats``).
+
+Each drive's own slope and sigma are read as it stated them (``drive_segments``), never as they are widened
+(``app.network.widenings``): what is learned from repeats has no part in what it is learned from.
+"""
+
+from __future__ import annotations
+
+import uuid
+from typing import Any
+
+import numpy as np
+from sqlalchemy import text
+from sqlalchemy.orm import Session
+
+from app.core.db import fetch_binary
+from app.core.tables import IS_SHOWN
+from fusion.network.pass_factor import DRIVEN_BYTES, PassFactor
+from fusion.network.repeats import RepeatPairs
+from fusion.types import Floats, Ints
+
+ALTIMETER_DRIFT = 0.006
+"""Altitudes whose error walks by less than this variance, m^2/s, are an altimeter's, as the method takes them."""
+DEVICE_CLASS = f"""
+    CASE WHEN jsonb_exists({{0}}.report -> 'sensors', 'doppler') THEN 'doppler'
+         WHEN jsonb_exists({{0}}.report -> 'sensors', 'barometer') THEN 'barometer'
+         WHEN jsonb_exists({{0}}.report -> 'sensors', 'altitude')
+             THEN CASE WHEN CAST({{0}}.report #>> '{{{{noise,drift}}}}' AS float8) < {ALTIMETER_DRIFT}
+                  THEN 'altimeter' ELSE 'altitude' END
+         WHEN jsonb_exists_any({{0}}.report -> 'sensors', ARRAY['pitch', 'specific force']) THEN 'inertial'
+         ELSE 'elevation model' END || ', ' || CAST({{0}}.report ->> 'format' AS text)
+"""
+"""SQL on a row of ``drives`` under that name: the strongest sensor that the drive used, and the format of its log.
+NULL of a drive without a report."""
+
+MOST_ESTIMATES = 100_000
+"""Of more drives' estimates of segments, those in an equal part of all cells are read: a few seconds' work."""
+PARTS = 1024
+MOST_OF_SEGMENT = 100
+"""Of a segment that more drives repeat, the newest pairs count."""
+NEARLY_WHOLE = 0.9
+"""A drive that drove less of a segment measured something else than its slope."""
+
+_SHARE = text("SELECT reltuples FROM pg_class WHERE oid = CAST('drive_segments' AS regclass)")
+
+# The next pass, or the one before, tells the direction: by which node it meets this one's segment.
+_MEETS = """
+    CASE WHEN {step}(p.sequence) OVER drive = p.sequence {sign} 1 THEN
+        CAST({near} IN ({step}(s.from_node) OVER drive, {step}(s.to_node) OVER drive) AS integer)
+        - CAST({far} IN ({step}(s.from_node) OVER drive, {step}(s.to_node) OVER drive) AS integer) ELSE 0 END
+"""
+_SINGLE = f"""
+    WITH chosen AS MATERIALIZED (
+        SELECT id, from_node, to_node, length_m, oneway FROM segments WHERE hashint4(cell) & {PARTS - 1} < %(part)s
+    ), every AS MATERIALIZED (
+        SELECT p.drive_id, p.segment_id, p.id, p.entered_s, s.length_m, s.oneway,
+               substring(p.factor FROM 1 FOR {DRIVEN_BYTES}) AS head,
+               sign({_MEETS.format(step="lead", sign="+", near="s.to_node", far="s.from_node")}
+                    + {_MEETS.format(step="lag", sign="-", near="s.from_node", far="s.to_node")}) AS way
+        FROM drive_passes AS p JOIN chosen AS s ON s.id = p.segment_id
+        WINDOW drive AS (PARTITION BY p.drive_id ORDER BY p.sequence)
+    ), known AS MATERIALIZED (
+        SELECT d.id, {DEVICE_CLASS.format("d")} AS class,
+               coalesce(CAST(extract(month FROM d.drive_time) AS integer) %% 12 / 3, -1) AS season
+        FROM drives AS d WHERE d.duplicate_of IS NULL AND {IS_SHOWN.format("d")}
+    )
+    SELECT o.segment_id, o.drive_id, d.class, e.slope_percent, e.slope_sigma_percent, o.length_m,
+           CAST(coalesce(nullif(o.way, 0), o.oneway) AS integer), d.season, o.head
+    FROM every AS o
+    JOIN drive_segments AS e ON e.drive_id = o.drive_id AND e.segment_id = o.segment_id
+    JOIN known AS d ON d.id = o.drive_id
+    WHERE e.passes = 1 AND e.in_network AND d.class IS NOT NULL
+        AND NOT EXISTS (SELECT FROM rejected_passes AS r WHERE r.segment_id = o.segment_id AND r.pass_id = o.id)
+    ORDER BY o.segment_id, o.entered_s, o.drive_id
+"""  # noqa: S608 - constants
+
+
+def read_repeats(session: Session) -> RepeatPairs:
+    """Each drive that passed a segment once, nearly whole and accepted, with the last that did so before it, and with
+    the last of its own class."""
+    estimates = float(session.execute(_SHARE).scalar_one())
+    part = PARTS if estimates <= MOST_ESTIMATES else max(1, int(PARTS * MOST_ESTIMATES / estimates))
+    rows = fetch_binary(session, _SINGLE, {"part": part}, prepare=False)
+    if not rows:
+        return pairs_of([], np.zeros((0, 4)))
+    return pairs_of(rows, PassFactor.driven([row[-1] for row in rows]))
+
+
+def pairs_of(rows: list[tuple[Any, ...]], driven: Floats) -> RepeatPairs:
+    """Pairs of rows of ``_SINGLE``; ``driven`` (m, 4) is what the head of each says (``PassFactor.driven``)."""
+    start, end, first, last = driven.T
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 9
+    (
+        segment,
+        length,
+    ) = np.array(columns[0], np.int64), np.array(columns[5], float)
+    names = sorted(set(columns[2]))
+    number: dict[uuid.UUID, int] = {drive: k for k, drive in enumerate(dict.fromkeys(columns[1]))}
+    drive = np.array([number[one] for one in columns[1]], np.int64)
+    kind = np.searchsorted(names, columns[2]) if rows else drive
+    slope, sigma = np.array(columns[3], float), np.array(columns[4], float)
+    way, season = np.array(columns[6], np.int64), np.array(columns[7], np.int64)
+    speed = (end - start) / np.maximum(last - first, 0.1)
+    whole = np.flatnonzero(end - start >= NEARLY_WHOLE * length)
+    kind = np.asarray(kind, np.int64)
+    of_class = whole[np.lexsort((whole, kind[whole], segment[whole]))]
+    both = np.unique(
+        np.concatenate(
+            [_neighbours(whole, segment, np.zeros_like(kind)), _neighbours(of_class, segment, kind)]
+        ),
+        axis=0,
+    )
+    return RepeatPairs(
+        tuple(names),
+        segment[both[:, 0]],
+        drive[both],
+        kind[both],
+        slope[both],
+        sigma[both],
+        length[both[:, 0]],
+        speed[both].mean(axis=1),
+        way[both].prod(axis=1),
+        season[both],
+    )
+
+
+def _neighbours(order: Ints, segment: Ints, kind: Ints) -> Ints:
+    """Rows next to each other in this order (p, 2) that are of one segment and kind, the newest ``MOST_OF_SEGMENT`` of
+    each; in the order rows of one segment and kind are together, the newest last."""
+    before, after = order[:-1], order[1:]
+    new = (segment[before] != segment[after]) | (kind[before] != kind[after])
+    last = np.append(np.flatnonzero(new), len(new))
+    behind = last[np.searchsorted(last, np.arange(len(new)))] - np.arange(len(new))
+    return np.asarray(np.column_stack([before, after])[~new & (behind <= MOST_OF_SEGMENT)], np.int64)
