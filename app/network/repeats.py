@@ -19,16 +19,13 @@ from fusion.network.pass_factor import DRIVEN_BYTES, PassFactor
 from fusion.network.repeats import RepeatPairs
 from fusion.types import Floats, Ints
 
-ALTIMETER_DRIFT = 0.006
-"""Altitudes whose error walks by less than this variance, m^2/s, are an altimeter's, as the method takes them."""
-DEVICE_CLASS = f"""
-    CASE WHEN jsonb_exists({{0}}.report -> 'sensors', 'doppler') THEN 'doppler'
-         WHEN jsonb_exists({{0}}.report -> 'sensors', 'barometer') THEN 'barometer'
-         WHEN jsonb_exists({{0}}.report -> 'sensors', 'altitude')
-             THEN CASE WHEN CAST({{0}}.report #>> '{{{{noise,drift}}}}' AS float8) < {ALTIMETER_DRIFT}
-                  THEN 'altimeter' ELSE 'altitude' END
-         WHEN jsonb_exists_any({{0}}.report -> 'sensors', ARRAY['pitch', 'specific force']) THEN 'inertial'
-         ELSE 'elevation model' END || ', ' || CAST({{0}}.report ->> 'format' AS text)
+DEVICE_CLASS = """
+    CASE WHEN jsonb_exists({0}.report -> 'sensors', 'doppler') THEN 'doppler'
+         WHEN jsonb_exists({0}.report -> 'sensors', 'barometer') THEN 'barometer'
+         WHEN jsonb_exists({0}.report -> 'sensors', 'altitude')
+             THEN CASE WHEN CAST({0}.report ->> 'altimeter' AS boolean) THEN 'altimeter' ELSE 'altitude' END
+         WHEN jsonb_exists_any({0}.report -> 'sensors', ARRAY['pitch', 'specific force']) THEN 'inertial'
+         ELSE 'elevation model' END || ', ' || CAST({0}.report ->> 'format' AS text)
 """
 """SQL on a row of ``drives`` under that name: the strongest sensor that the drive used, and the format of its log.
 NULL of a drive without a report."""

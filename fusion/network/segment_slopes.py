@@ -20,6 +20,9 @@ from fusion.types import Bools, Floats, Ints
 
 PLACE_SIGMA_M = 2.0
 """Where the map's nodes lie along the road, against where they are."""
+LANE_SIGMA_M, LANE_LENGTH_M = 0.025, 100.0
+"""Height of the lane that was driven against that of the road, and over how much road it changes: a metre to the side
+at a crossfall of 2.5 %, which curves turn round."""
 KNOWN_SIGMA_M = 500.0
 """Heights less sure than this are unknown: no sensor of heights, elevation model or control point speaks of them. The
 pressure of an unknown day still tells them to 300 m (``drive_beliefs.START_SIGMA_M``)."""
@@ -95,6 +98,7 @@ def published(
             variance += PLACE_SIGMA_M**2 * (
                 np.sum(moved * x, axis=1) ** 2 + np.einsum("mi,mij,mj->m", moved, covariance, moved)
             )
+        variance += lane_variance(length)
         slope[mine], sigma[mine] = 100 * np.sum(rows * x, axis=1), 100 * np.sqrt(variance)
     passes = _passes(beliefs, solution)
     share, observations = _driven(passes, u.length_m)
@@ -131,6 +135,11 @@ def published(
         model=model,
         remarks=control.remarks(solution) if control else [],
     )
+
+
+def lane_variance(length_m: Floats) -> Floats:
+    """Variance (n,) of the mean grade over so much road for the lane that was driven."""
+    return np.asarray(2 * (LANE_SIGMA_M / length_m) ** 2 * (1 - np.exp(-length_m / LANE_LENGTH_M)))
 
 
 def _node_heights(u: RoadUnknowns, solution: Solution) -> Floats:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize
@@ -55,10 +56,24 @@ LOG_WANDER = (float(np.log(WANDER_SIGMA)), 0.4)
 road's grades."""
 LOG_SPREAD, LOG_RATE_SPREAD = 1.0, 1.5
 """Sigma of the logs of white levels and of rates about where they start: receivers differ by ten times."""
-UNTOLD_DRIFT_SPREAD = 0.3
-"""The same for the drift of altitudes in a log that does not tell it (``tells_drift``): it stays near a usual one's."""
 USUAL_V_ACC_M = 4.0
 """Accuracy of altitudes of a log that states none."""
+
+
+class UsualDrift(NamedTuple):
+    """The rate (m^2/s) at which the error of a kind of altitudes drifts, and the sigma of its log that is allowed when
+    a drive is learned from which does not tell it (``tells_drift``)."""
+
+    rate: float
+    log_spread: float
+
+
+RECEIVER_DRIFT = UsualDrift(2 * USUAL_V_ACC_M**2 / DRIFT_TAU_S, 0.3)
+"""Receivers' altitudes; white noise and jumps say a little of it."""
+ALTIMETER_DRIFT = UsualDrift(0.006, 0.05)
+"""Altimeters' heights, which say nothing of it: left free, it comes out between 0.0006 and 0.5 for rides over one road
+whose errors are alike. The air's pressure has 0.001 (0.8 m in ten minutes), and the best receivers that fix no carrier
+phase have 0.01 (0.8 m for two minutes); this lies above the middle, for too small is worse than too large."""
 LEAST_HEIGHT_M = 0.05
 """No receiver's height is surer than this, however smooth a filter makes it. It is stated in decimetres (NMEA 0183;
 0.03 m), the body heaves on its springs (0.03 m), and the lane has a crossfall of 2.5 % (0.01 m)."""
@@ -105,17 +120,20 @@ class Prior:
         return float(np.log(getattr(self.noise, name))), self.log_drift_spread if name == "drift" else spread
 
 
-def prior_of(measured: Measurements, log_drift_spread: float = LOG_RATE_SPREAD) -> Prior:
-    """Where learning starts: what the log says about itself, in bounds, else an ordinary receiver's."""
+def prior_of(measured: Measurements, usual_drift: UsualDrift | None = None) -> Prior:
+    """Where learning starts: what the log says about itself, in bounds, else an ordinary receiver's.
+
+    ``usual_drift`` is for altitudes whose drift the log itself does not tell.
+    """
     stated = measured.stated_sigma[(measured.sensor == ALTITUDE) & np.isfinite(measured.stated_sigma)]
     v_acc = float(np.clip(np.median(stated), 0.3, 12.0)) if len(stated) else USUAL_V_ACC_M
     noise = Noise(
         altitude_m=float(np.clip(v_acc / 6, 0.1, 1.5)),
-        drift=2 * v_acc**2 / DRIFT_TAU_S,
+        drift=2 * v_acc**2 / DRIFT_TAU_S if usual_drift is None else usual_drift.rate,
         gust_m=_gust(measured),
         dem_m=_dem_sigma(measured),
     )
-    return Prior(noise, log_drift_spread)
+    return Prior(noise, LOG_RATE_SPREAD if usual_drift is None else usual_drift.log_spread)
 
 
 def tells_drift(measured: Measurements) -> bool:

@@ -19,7 +19,7 @@ from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.profile.factors import pass_factors
 from fusion.profile.inertia import Inertia, set_right
-from fusion.profile.levels import LOG_RATE_SPREAD, UNTOLD_DRIFT_SPREAD, prior_of, tells_drift
+from fusion.profile.levels import ALTIMETER_DRIFT, RECEIVER_DRIFT, UsualDrift, prior_of, tells_drift
 from fusion.profile.measurements import (
     ALTITUDE,
     FORCE,
@@ -38,14 +38,10 @@ from fusion.types import CUES, DriveLog, Floats, Ints, Progress, SegmentSlope
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
-BAROMETRIC_DRIFT = 0.006
-"""Heights whose error walks by less than this variance, m^2/s, are an altimeter's. The air's pressure has 0.001 (0.8 m
-in ten minutes), and the best receivers that fix no carrier phase have 0.01 (0.8 m for two minutes,
-``model.DRIFT_TAU_S``). The bound lies above the middle of these, since what a drive learns is rather too large than too
-small. A short or noisy drive does not show it: then heights are taken for a receiver's."""
 COMPUTER_STEP_M = 0.2
 """Steps of heights in files of bicycle computers: FIT states altitudes in fifths of a metre. Such heights come from a
 barometer behind a filter, whatever their errors look like."""
+_USUAL_DRIFT = (RECEIVER_DRIFT, ALTIMETER_DRIFT)
 MIN_MEASUREMENTS = 4
 """Fewer say nothing of a slope."""
 
@@ -122,10 +118,9 @@ class ProfileMethod:
         raw = _PreparedDrive.of(log, path, options.sensors())
         drive = _smooth(raw, dem, options, Altimeter())
         late = _altimeter(log, drive)
-        if late.sensor >= 0:
-            drive = _smooth(raw, dem, options, late)
-        elif not tells_drift(drive.measured):
-            drive = _smooth(raw, dem, options, late, UNTOLD_DRIFT_SPREAD)
+        usual = None if tells_drift(drive.measured) else _USUAL_DRIFT[late.sensor >= 0]
+        if late.sensor >= 0 or usual:
+            drive = _smooth(raw, dem, options, late, usual)
         progress("factors", 0.7)
         factors = tuple(pass_factors(drive, log.fix))
         terrain = dem if options.dem else None
@@ -135,7 +130,7 @@ class ProfileMethod:
         drawn = drawn_measurements(drive)
 
         def late_by(lag_s: float) -> tuple[PassFactor, ...]:
-            again = _smooth(raw, dem, options, Altimeter(late.sensor, lag_s))
+            again = _smooth(raw, dem, options, Altimeter(late.sensor, lag_s), usual)
             return tuple(pass_factors(again, log.fix))
 
         return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
@@ -144,12 +139,14 @@ class ProfileMethod:
 def _altimeter(log: DriveLog, drive: SmoothedDrive) -> Altimeter:
     """Whether the heights are an altimeter's, whose filter makes them late: such heights err like a barometer.
 
+    A drift as slow as an altimeter's shows it; a short or noisy drive does not, and is taken for a receiver's.
+
     Two kinds of heights are not late. One is a receiver's own fix: it states its accuracy, or is above the ellipsoid,
     which no altimeter knows. The other is made of pressure, which is a sensor's own sample.
     """
     sensors = drive.measured.sensor
     own = log.fix.has("v_acc_m") or log.fix.has("height_ell_m")
-    steady = drive.learned.noise.drift < BAROMETRIC_DRIFT
+    steady = drive.learned.noise.drift < ALTIMETER_DRIFT.rate
     if (sensors == ALTITUDE).any() and not own and (steady or _in_steps(log.fix.alt_msl_m)):
         return Altimeter(ALTITUDE, USUAL_LAG_S)
     return Altimeter()
@@ -168,7 +165,7 @@ def _smooth(
     dem: Dem | None,
     options: ProfileOptions,
     altimeter: Altimeter,
-    log_drift_spread: float = LOG_RATE_SPREAD,
+    usual_drift: UsualDrift | None = None,
 ) -> SmoothedDrive:
     measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s)
     if len(measured) < MIN_MEASUREMENTS:
@@ -178,7 +175,7 @@ def _smooth(
         )
     epochs = build_smoother_epochs(measured, raw.path)
     by_satellites = not _in_steps(raw.log.fix.alt_msl_m)
-    learned = learn(measured, epochs, prior_of(measured, log_drift_spread), by_satellites=by_satellites)
+    learned = learn(measured, epochs, prior_of(measured, usual_drift), by_satellites=by_satellites)
     return SmoothedDrive(raw.path, measured, epochs, learned, altimeter)
 
 

@@ -186,6 +186,7 @@ def drive_report(
         "mount": _mount(drive),
         "inertia": _inertia(inertia, measured),
         "speed_pressure": _speed_pressure(learned, measured),
+        "altimeter": drive.altimeter.sensor >= 0,
         "height_jumps_s": [float(drive.epochs.time_s[k]) for k, state in learned.jumps if state == DRIFT],
         "sensors": _contributions(measured, learned, without),
     }

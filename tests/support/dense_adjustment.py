@@ -296,6 +296,8 @@ class DenseAdjustment:
             variance = w @ spread @ w
             for moved in place_rows(np.array([length])):
                 variance += shown.PLACE_SIGMA_M**2 * ((moved[0] @ x) ** 2 + moved[0] @ spread @ moved[0])
+            turned = 1 - np.exp(-length / shown.LANE_LENGTH_M)
+            variance += 2 * turned * (shown.LANE_SIGMA_M / length) ** 2
             slope.append(100 * float(w @ x))
             sigma.append(100 * float(np.sqrt(variance)))
         return np.array(slope), np.array(sigma)

@@ -19,7 +19,7 @@ from app.core.db import fetch_binary, send_binary
 from app.core.tables import SRID_DEGREES, SRID_TILES
 from app.map.derived.chains import Chains, chains_of, places
 from app.map.segment import SQL_TYPES, Segment, Way
-from fusion.network.segment_slopes import PLACE_SIGMA_M
+from fusion.network.segment_slopes import PLACE_SIGMA_M, lane_variance
 from fusion.network.steepest import STRETCH_M
 from fusion.types import Bools, Floats, Ints
 
@@ -107,8 +107,9 @@ def _rise_sigma_m(s: Measured, known: Bools, run: Ints, first: Ints) -> Floats:
     """One standard deviation of how far each run rises, (runs,), m: the smaller of two that both are too large.
 
     One takes its segments to err as one. The other is of the heights at its ends, as if these erred apart from each
-    other, while all heights about a place err together; to it comes what the two say differently of the rise, and that
-    nodes lie ``PLACE_SIGMA_M`` beside where the map has them, where the grade is not the mean.
+    other, while all heights about a place err together; to it comes what the two say differently of the rise, the
+    lane's own height, and that nodes lie ``PLACE_SIGMA_M`` beside where the map has them, where the grade is not the
+    mean.
     """
     n = len(first)
     mine, number = np.flatnonzero(known), run[known]
@@ -118,6 +119,7 @@ def _rise_sigma_m(s: Measured, known: Bools, run: Ints, first: Ints) -> Floats:
     last = mine[np.searchsorted(number, np.arange(n), side="right") - 1]
     variance = s.height_sigma_m[first] ** 2 + s.height_sigma_m[last] ** 2
     variance += (s.height_to_m[last] - s.height_from_m[first] - rise) ** 2
+    variance += lane_variance(length) * length**2
     for end in (first, last):
         variance += (PLACE_SIGMA_M * (s.slope_percent[end] / 100 - rise / length)) ** 2
     alone = last == first

@@ -38,7 +38,7 @@ def fill(web: Web, drives: int = 15) -> None:
         report = {
             "format": form,
             "sensors": {sensor.replace("altimeter", "altitude"): {}},
-            "noise": {"drift": 0.001 if sensor == "altimeter" else 0.1},
+            "altimeter": sensor == "altimeter",
         }
         statement = f"UPDATE drives SET report = '{json.dumps(report)}', drive_time = '2026-01-15' WHERE id = '{drive}'"
         execute(web.sessions, statement.replace(":", "\\:"))

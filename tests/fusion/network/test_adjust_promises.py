@@ -143,6 +143,7 @@ def test_copies_of_a_drive_make_sigma_smaller(monkeypatch: pytest.MonkeyPatch) -
 
     whole = sigmas()
     monkeypatch.setattr(segment_slopes, "PLACE_SIGMA_M", 0.0)
+    monkeypatch.setattr(segment_slopes, "LANE_SIGMA_M", 0.0)
     own = sigmas()
     assert np.all(np.diff(own, axis=0) < 0)
     assert np.all(whole >= own)

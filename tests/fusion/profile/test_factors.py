@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +34,7 @@ from fusion.network.pass_factor import (
 )
 from fusion.network.pass_factor import MOUNT as MOUNT_PITCH
 from fusion.pipeline import run_drive
-from fusion.profile.levels import ROBUST_INFORMATION_LOSS
+from fusion.profile.levels import ALTIMETER_DRIFT, ROBUST_INFORMATION_LOSS
 from fusion.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, TERRAIN
 from fusion.profile.model import MOUNT, decorrelated
 from fusion.profile.traversals import (
@@ -281,6 +282,23 @@ def test_heights_that_err_as_slowly_as_the_air_s_pressure_are_an_altimeter_s() -
     later = result.late_by(3.0)
     assert {f.lag_s for f in later} == {3.0}
     assert [f.segment for f in later] == [f.segment for f in result.factors]
+
+
+@pytest.mark.parametrize(("drift", "stated_m", "low", "high"), [
+    (0.001, math.nan, 0.9, 1.1),  # an altimeter's, whatever the log seems to say
+    (0.15, math.nan, 10.0, 45.0),  # a receiver's: not far from a usual one
+    (0.15, 3.5, 1.0, 25.0),  # whose log says how sure it is
+])  # fmt: skip
+def test_altitudes_alone_do_not_tell_how_fast_they_drift(
+    drift: float, stated_m: float, low: float, high: float
+) -> None:
+    rng = np.random.default_rng(0)
+    without = ("attitude", "force", "velocity")
+    log = street_log(LONG_S, LONG_M, hills, rng, levels=Levels(altitude_m=0.3, drift=drift), without=without)
+    log = replace(log, fix=replace(log.fix, v_acc_m=np.full(len(log.fix), stated_m)))
+    _, result = run_drive(log, LONG_TABLE, None)
+    assert result.report["altimeter"] == (high < 2)
+    assert low < result.report["noise"]["drift"] / ALTIMETER_DRIFT.rate < high
 
 
 @pytest.mark.slow

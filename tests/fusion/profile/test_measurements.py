@@ -77,7 +77,8 @@ def test_a_height_that_a_receiver_repeats_while_the_vehicle_stands_is_measured_o
     """Black boxes freeze their height below walking speed. While driving, equal heights are measurements."""
     along = np.minimum(ALONG_M, ALONG_M[50])
     log = street_log(TIME_S, along, hills, np.random.default_rng(0), levels=replace(CALM, altitude_m=0.5))
-    frozen = np.where(TIME_S > TIME_S[53], 100.0, np.where(TIME_S < TIME_S[20], 90.0, log.fix.alt_msl_m))
+    standing = TIME_S - TIME_S[0] > 53
+    frozen = np.where(standing, 100.0, np.where(TIME_S - TIME_S[0] < 20, 90.0, log.fix.alt_msl_m))
     measured = smoothed(replace(log, fix=replace(log.fix, alt_msl_m=frozen)), TABLE).measured
     heights = measured.value[measured.sensor == ALTITUDE]
     assert np.sum(heights == 100.0) == 1

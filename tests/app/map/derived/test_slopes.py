@@ -59,11 +59,12 @@ def test_heights_at_both_ends_make_a_long_way_surer() -> None:
         "height_sigma_m": [0.4] * n,
     }
     long = one(measured([50.0] * n, [2.0] * n, **heights))
-    assert long.slope_sigma_percent == pytest.approx(100 * math.hypot(0.4, 0.4) / 1000)
+    lane = 0.025 * math.sqrt(2)  # at either end, for they are farther apart than it lasts
+    assert long.slope_sigma_percent == pytest.approx(100 * math.hypot(0.4, 0.4, lane) / 1000, rel=1e-4)
     # What slopes and heights say differently counts as well, and never makes it less sure than the segments are.
     heights["height_to_m"][-1] += 3.0
     assert one(measured([50.0] * n, [2.0] * n, **heights)).slope_sigma_percent == pytest.approx(
-        100 * math.sqrt(2 * 0.4**2 + 3.0**2) / 1000
+        100 * math.hypot(0.4, 0.4, lane, 3.0) / 1000, rel=1e-4
     )
     heights["height_to_m"][-1] += 300.0
     assert one(measured([50.0] * n, [2.0] * n, **heights)).slope_sigma_percent == pytest.approx(0.5)
@@ -75,7 +76,10 @@ def test_heights_at_both_ends_make_a_long_way_surer() -> None:
 def test_nodes_beside_their_place_count_where_the_grade_is_not_the_mean() -> None:
     heights = {"height_from_m": [0.0, 1.0], "height_to_m": [1.0, 11.0], "height_sigma_m": [0.0, 0.0]}
     found = one(measured([100.0, 100.0], [1.0, 10.0], sigma=9.0, **heights))
-    assert found.slope_sigma_percent == pytest.approx(PLACE_SIGMA_M * math.hypot(4.5, 4.5) / 200)
+    lane = 100 * 0.025 * math.sqrt(2 * (1 - math.exp(-2)))
+    assert found.slope_sigma_percent == pytest.approx(
+        math.hypot(PLACE_SIGMA_M * math.hypot(4.5, 4.5), lane) / 200
+    )
 
 
 def test_the_steepest_stretch_goes_across_segments() -> None:

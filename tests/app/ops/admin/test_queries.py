@@ -68,7 +68,7 @@ def test_repeats_are_told_by_class_with_their_widening(filled: Any) -> None:
     for day in range(3):
         drive_over(filled.sessions, table, ids, {0: (2.0 + day, 0.5), 1: (3.0, 0.5)}, 1.7e9 + 86_400.0 * day)
     with filled.sessions.begin() as session:
-        report = json.dumps({"format": "nmea", "sensors": {"altitude": {}}, "noise": {"drift": 0.2}})
+        report = json.dumps({"format": "nmea", "sensors": {"altitude": {}}, "altimeter": False})
         session.execute(text("UPDATE drives SET report = CAST(:report AS jsonb)"), {"report": report})
     assert ask(filled, "repeats")[1]["widening"] is None
     learn(filled.sessions)
