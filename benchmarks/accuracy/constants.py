@@ -59,6 +59,7 @@ _SHOWN, _DEM = _MODEL + "segment_slopes", _MODEL + "terrain"
 _FACTORS = _PROFILE + "factors"
 _METHOD = _PROFILE + "method"
 _LEVELS, _NOISE, _LINEAR = _PROFILE + "levels", _PROFILE + "noise", _PROFILE + "model"
+_PRIOR = _PROFILE + "prior"
 CHANGES: tuple[Change, ...] = (
     Change(_ROAD, "ROUGHNESS_FREEDOM", "off: Gauss", set_to(1e6)),
     Change(_ROAD, "ROUGHNESS_FREEDOM", "doubled", times(2.0)),
@@ -98,19 +99,19 @@ CHANGES: tuple[Change, ...] = (
     Change(_DEM, "SOUND_GRADE", "off: any", set_to(1e6)),
     *_both(_DEM, "SOUND_GRADE"),
     Change(_DEM, "STEP_FREEDOM", "off: Gauss", set_to(1e6)),
-    Change(_LEVELS, "LOG_WANDER", "off: none", set_to((-12.0, 0.01))),
-    Change(_LEVELS, "LOG_WANDER", "as free as others", set_to((-5.3, 1.5))),
+    Change(_PRIOR, "LOG_WANDER", "off: none", set_to((-12.0, 0.01))),
+    Change(_PRIOR, "LOG_WANDER", "as free as others", set_to((-5.3, 1.5))),
     *_both(_LINEAR, "WANDER_TAU_S"),
     Change(_FACTORS, "PLACE_BOUNDS_M", "off: 0", set_to((0.0, 1e-3))),
     Change(_FACTORS, "PLACE_BOUNDS_M", "as if nothing were stated", set_to((5.0, 5.0))),
     Change(_LEVELS, "ROBUST_INFORMATION_LOSS", "off: 1", set_to(1.0)),
-    Change(_LEVELS, "LOG_GRADE_LENGTH", "off: a random walk", set_to((20.7, 0.01))),
-    Change(_LEVELS, "LOG_GRADE_LENGTH", "mean five times more", set_to((5.7, 1.0))),
-    *_both(_LEVELS, "GUST_MPS"),
+    Change(_PRIOR, "LOG_GRADE_LENGTH", "off: a random walk", set_to((20.7, 0.01))),
+    Change(_PRIOR, "LOG_GRADE_LENGTH", "mean five times more", set_to((5.7, 1.0))),
+    *_both(_PRIOR, "GUST_MPS"),
     Change(_NOISE, "FREEDOMS", "off: 5 for all", set_to((5.0,))),
-    Change(_LEVELS, "LOG_ROUGHNESS", "mean ten times less", set_to((-12.7, 1.5))),
-    *_both(_LEVELS, "LOG_SPREAD"),
-    *_both(_LEVELS, "LOG_RATE_SPREAD"),
+    Change(_PRIOR, "LOG_ROUGHNESS", "mean ten times less", set_to((-12.7, 1.5))),
+    *_both(_PRIOR, "LOG_SPREAD"),
+    *_both(_PRIOR, "LOG_RATE_SPREAD"),
     Change(_LEVELS, "LEAST_HEIGHT_M", "off: 0", set_to(1e-4)),
     Change(_LEVELS, "LEAST_PRESSURE_HEIGHT_M", "off: 0", set_to(1e-4)),
     Change(_NOISE, "FILTERED", "off: never", set_to(0.0)),

@@ -14,9 +14,10 @@ from accuracy.road_draws import PLANE, DrawnRoad, log_uniform
 from fusion.frames import GRAVITY_MPS2
 from fusion.network.pass_factor import BIAS, CONSTANT_SIGMA, PLACE_TAU_S, SQUAT
 from fusion.profile.factors import PLACE_BOUNDS_M
-from fusion.profile.levels import LEAST_HEIGHT_M, LOG_WANDER
+from fusion.profile.levels import LEAST_HEIGHT_M
 from fusion.profile.measurements import BARO, PERIOD_S
 from fusion.profile.model import DRIFT_TAU_S, SLOW_MPS, Noise
+from fusion.profile.prior import LOG_WANDER
 from fusion.types import Attitude, DriveLog, Floats, GnssFix, GnssVelocity, Pressure, SpecificForce
 
 SPEEDS_MPS = (5.0, 20.0)

@@ -81,4 +81,6 @@ def road_of(sequence: Sequence, rung: Rung) -> Sequence:
 
 
 def _with_altimeter(columns: Columns, height_m: Floats, rng: np.random.Generator | None) -> Columns:
-    return {**columns, "alt_msl_m": drifting(columns["time_s"], height_m, rng)}
+    """A bicycle computer's heights: FIT states them in fifths of a metre."""
+    shown_m = drifting(columns["time_s"], height_m, rng)
+    return {**columns, "alt_msl_m": np.round(5 * shown_m) / 5}

@@ -19,7 +19,6 @@ from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.profile.factors import pass_factors
 from fusion.profile.inertia import Inertia, set_right
-from fusion.profile.levels import ALTIMETER_DRIFT, RECEIVER_DRIFT, UsualDrift, prior_of, tells_drift
 from fusion.profile.measurements import (
     ALTITUDE,
     FORCE,
@@ -30,6 +29,7 @@ from fusion.profile.measurements import (
 from fusion.profile.model import build_smoother_epochs
 from fusion.profile.noise import learn
 from fusion.profile.path import DrivenPath, find_path
+from fusion.profile.prior import ALTIMETER_DRIFT, RECEIVER_DRIFT, UsualDrift, prior_of, tells_drift
 from fusion.profile.report import build_track, drawn_measurements, drive_report
 from fusion.profile.traversals import Altimeter, SmoothedDrive
 from fusion.roads.network import RoadNetwork

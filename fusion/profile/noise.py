@@ -18,7 +18,6 @@ from fusion.profile.levels import (
     LEAST_HEIGHT_M,
     ROBUST_INFORMATION_LOSS,
     STUDENT_T_FREEDOM,
-    Prior,
     expected,
     expected_levels,
     gaussian_variance,
@@ -38,6 +37,7 @@ from fusion.profile.model import (
     pitch_partner,
     white_variance,
 )
+from fusion.profile.prior import Prior
 from fusion.types import Bools, Floats
 
 FIRST_ROUNDS, ROUNDS = 3, 3

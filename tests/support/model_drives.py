@@ -10,10 +10,10 @@ from scipy.signal import lfilter
 from fusion.frames import GRAVITY_MPS2
 from fusion.network.curve import RANDOM_WALK_M
 from fusion.network.pass_factor import USUAL_SPEED_PRESSURE
-from fusion.profile.levels import prior_of
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, Measurements
 from fusion.profile.model import DRIFT_TAU_S, GUST_MPS, GUST_TAU_S, WANDER_TAU_S, Noise, SmootherEpochs
 from fusion.profile.noise import Learned, learn
+from fusion.profile.prior import prior_of
 
 SPEED_MPS = 10.0
 MOUNT_GRADE = 0.02

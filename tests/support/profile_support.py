@@ -19,12 +19,12 @@ from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
 from fusion.profile.inertia import set_right
-from fusion.profile.levels import prior_of
 from fusion.profile.measurements import build_measurements
 from fusion.profile.method import MIN_MEASUREMENTS, ProfileOptions
 from fusion.profile.model import build_smoother_epochs
 from fusion.profile.noise import learn
 from fusion.profile.path import find_path
+from fusion.profile.prior import prior_of
 from fusion.profile.traversals import SmoothedDrive
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable

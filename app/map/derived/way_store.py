@@ -119,7 +119,7 @@ def _rise_sigma_m(s: Measured, known: Bools, run: Ints, first: Ints) -> Floats:
     last = mine[np.searchsorted(number, np.arange(n), side="right") - 1]
     variance = s.height_sigma_m[first] ** 2 + s.height_sigma_m[last] ** 2
     variance += (s.height_to_m[last] - s.height_from_m[first] - rise) ** 2
-    variance += lane_variance(length) * length**2
+    variance += lane_variance(np.asarray(length, float)) * length**2
     for end in (first, last):
         variance += (PLACE_SIGMA_M * (s.slope_percent[end] / 100 - rise / length)) ** 2
     alone = last == first

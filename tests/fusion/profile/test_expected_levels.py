@@ -7,19 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusion.profile.levels import (
-    LEAST_HEIGHT_M,
-    LOG_ROUGHNESS,
-    LOG_WANDER,
-    MOST_UNCERTAIN,
-    WHITE,
-    expected,
-    log_sigmas,
-    most_likely,
-    prior_of,
-)
+from fusion.profile.levels import LEAST_HEIGHT_M, MOST_UNCERTAIN, expected, log_sigmas, most_likely
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH
 from fusion.profile.model import Noise
+from fusion.profile.prior import LOG_ROUGHNESS, LOG_WANDER, WHITE, prior_of
 from model_drives import TRUTHS, simulate
 
 EVERYTHING = (ALTITUDE, DOPPLER, PITCH, FORCE, BARO)

@@ -34,9 +34,10 @@ from fusion.network.pass_factor import (
 )
 from fusion.network.pass_factor import MOUNT as MOUNT_PITCH
 from fusion.pipeline import run_drive
-from fusion.profile.levels import ALTIMETER_DRIFT, ROBUST_INFORMATION_LOSS
+from fusion.profile.levels import ROBUST_INFORMATION_LOSS
 from fusion.profile.measurements import ALTITUDE, BARO, FORCE, PITCH, TERRAIN
 from fusion.profile.model import MOUNT, decorrelated
+from fusion.profile.prior import ALTIMETER_DRIFT
 from fusion.profile.traversals import (
     Altimeter,
     segment_lengths,

@@ -9,19 +9,10 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from fusion.profile.levels import (
-    LOG_GRADE_LENGTH,
-    LOG_ROUGHNESS,
-    LOG_SPREAD,
-    LOG_WANDER,
-    ROBUST_INFORMATION_LOSS,
-    WHITE,
-    gaussian_variance,
-    most_likely,
-    prior_of,
-)
+from fusion.profile.levels import ROBUST_INFORMATION_LOSS, gaussian_variance, most_likely
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH
 from fusion.profile.model import Noise, linear_model
+from fusion.profile.prior import LOG_GRADE_LENGTH, LOG_ROUGHNESS, LOG_SPREAD, LOG_WANDER, WHITE, prior_of
 from model_drives import TRUTHS, Simulated, simulate
 
 EVERYTHING = (ALTITUDE, DOPPLER, PITCH, FORCE, BARO)

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fusion.profile.levels import prior_of
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH
 from fusion.profile.model import (
     DRIFT,
@@ -20,6 +19,7 @@ from fusion.profile.model import (
     white_variance,
 )
 from fusion.profile.noise import Learned, learn
+from fusion.profile.prior import prior_of
 from fusion.types import Floats
 from model_drives import BIAS_GRADE, MOUNT_GRADE, TRUTHS, Simulated, simulate
 

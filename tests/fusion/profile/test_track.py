@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from factor_support import street
-from fusion.profile.levels import prior_of
 from fusion.profile.measurements import ALTITUDE, build_measurements
 from fusion.profile.model import GRADE, HEIGHT, build_smoother_epochs
 from fusion.profile.noise import learn
+from fusion.profile.prior import prior_of
 from fusion.profile.report import build_track
 from fusion.profile.traversals import SmoothedDrive
 from profile_support import Levels, hills, smoothed, street_log
