@@ -18,7 +18,6 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.tables import IS_SHOWN
-from app.network.condensed import OF_DRIVE, of_drive, uncondense_drive
 from app.network.locks import share_network
 from app.network.marks import append_marks
 from app.network.repeats import DEVICE_CLASS, read_repeats
@@ -62,7 +61,7 @@ _NEXT = text(f"""
     ORDER BY d.id LIMIT 1
 """)  # noqa: S608 - constants
 _LOCK_DRIVE = text("SELECT FROM drives WHERE id = :drive_id FOR NO KEY UPDATE")
-_SEGMENTS = text(f"SELECT DISTINCT segment_id FROM drive_passes WHERE {OF_DRIVE.format(':', '')}")  # noqa: S608
+_SEGMENTS = "SELECT DISTINCT segment_id FROM drive_passes WHERE {}"
 
 
 def widenings_of(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, float]:
@@ -134,6 +133,8 @@ def _mark(sessions: Sessions, progress: Progress) -> list[dict[str, Any]]:
 
 def _mark_next(sessions: Sessions) -> bool:
     """Mark the next drive, its condensed passes recent again so that they are condensed anew; whether there was one."""
+    from app.network.condensed import OF_DRIVE, of_drive, uncondense_drive  # noqa: PLC0415 - loads the estimator
+
     with sessions.begin() as session:
         share_network(session)
         waiting = session.execute(_MARKING).one_or_none()
@@ -144,7 +145,9 @@ def _mark_next(sessions: Sessions) -> bool:
         if drive_id is not None:
             session.execute(_LOCK_DRIVE, {"drive_id": drive_id})
             uncondense_drive(session, drive_id)
-            touched = session.execute(_SEGMENTS, of_drive(session, drive_id)).scalars()
+            touched = session.execute(
+                text(_SEGMENTS.format(OF_DRIVE.format(":", ""))), of_drive(session, drive_id)
+            ).scalars()
             append_marks(session, list(touched), delay_s=DELAY_S)
         session.execute(_MARKED, {"name": waiting.name, "after": drive_id})
     return True
