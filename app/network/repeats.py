@@ -87,10 +87,7 @@ def pairs_of(rows: list[tuple[Any, ...]], driven: Floats) -> RepeatPairs:
     """Pairs of rows of ``_SINGLE``; ``driven`` (m, 4) is what the head of each says (``PassFactor.driven``)."""
     start, end, first, last = driven.T
     columns = list(zip(*rows, strict=True)) if rows else [()] * 9
-    (
-        segment,
-        length,
-    ) = np.array(columns[0], np.int64), np.array(columns[5], float)
+    segment, length = np.array(columns[0], np.int64), np.array(columns[5], float)
     names = sorted(set(columns[2]))
     number: dict[uuid.UUID, int] = {drive: k for k, drive in enumerate(dict.fromkeys(columns[1]))}
     drive = np.array([number[one] for one in columns[1]], np.int64)

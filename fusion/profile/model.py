@@ -63,8 +63,8 @@ class Noise:
     """Noise levels of a drive, one sigma unless said otherwise.
 
     ``roughness``: variance of the grade's change per metre of road (1/m); ``grade_length_m``: over so much of it grades
-    go back to level. ``altitude_m``: white part of the GNSS
-    height; ``drift``: variance per second by which its error changes (m^2/s). ``doppler``: factor on the stated one.
+    go back to level. ``altitude_m``: white part of the GNSS height; ``drift``: variance per second by which its error
+    changes (m^2/s). ``doppler``: factor on the stated one.
     ``pitch``, ``force``: grade seen by the sensor against the road's, springs included; ``shared``: the part of a
     pitch error that the force shows as well. ``wander``: slow part of both, a grade. ``baro_m``, ``baro_drift``
     (m^2/s) as for the altitude; ``gust_m``: what gusts add to it. ``dem_m``: DEM.

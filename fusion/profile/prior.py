@@ -81,12 +81,14 @@ def prior_of(measured: Measurements, usual_drift: UsualDrift | None = None) -> P
 
 def tells_drift(measured: Measurements) -> bool:
     """Whether a log tells how fast its altitudes' error drifts: by their accuracy, or by anything to hold them against.
+    True without altitudes, of which nothing is asked then.
 
     Altitudes alone do not, once a receiver's filter has smoothed them: then their error is as smooth as a road.
     """
     altitude = measured.sensor == ALTITUDE
     others = ~(altitude | (measured.sensor == TERRAIN))
-    return bool(others.any() or np.isfinite(measured.stated_sigma[altitude]).any())
+    stated = np.isfinite(measured.stated_sigma[altitude]).any()
+    return bool(not altitude.any() or others.any() or stated)
 
 
 def _gust(measured: Measurements) -> float:
