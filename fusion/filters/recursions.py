@@ -1,208 +1,250 @@
 """The loops of ``smoother``: forwards through the steps and backwards, over plain arrays.
 
-They know which entries of matrices may differ from 0 at all, and pass over the others: most of a transition is 0 or 1,
-and a measurement sees few states.
+States stand in lanes, whose number the compiler knows: it unrolls what runs over them. The loops know which entries of
+matrices may differ from 0 at all, and pass over the others: most of a transition is 0 or 1, and a measurement sees few
+states.
 """
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
-from fusion.compiled import compiled, inlined
+from fusion.compiled import compiled_vector, inlined
 from fusion.types import Floats, Ints
 
 
-@inlined
-def _carry_half(
-    to: Ints, of: Ints, states: Ints, by: Floats, x: Floats, p: Floats, moved: Floats, half: Floats
-) -> None:
-    """Turn ``x`` (d,) into ``by`` x, and fill ``half`` (d, d) with ``by`` P.
+class Lanes(NamedTuple):
+    """A model (``smoother.LinearModel``) as the loops take it, of w lanes; those beyond its states hold zeros.
 
-    ``to`` and ``of`` (j,) are the rows and columns of what ``by`` may hold.
+    ``width`` is a tuple of w numbers. ``carried`` (n, j) are the entries of transitions at rows ``to`` and columns
+    ``of`` (j,), ``shaken`` (n, e) those of the steps' noise at ``row`` and ``column`` (e,) of the lower triangle.
+    ``mean`` (w,), ``covariance`` (w, w) and ``design`` (m, w) are in the order of the lanes.
     """
-    moved[:] = 0.0
-    half[:] = 0.0
-    for j in range(len(to)):
-        a, c = to[j], of[j]
-        f = by[states[a], states[c]]
-        moved[a] += f * x[c]
-        for b in range(len(x)):
-            half[a, b] += f * p[c, b]
-    x[:] = moved
+
+    width: tuple[int, ...]
+    to: Ints
+    of: Ints
+    carried: Floats
+    row: Ints
+    column: Ints
+    shaken: Floats
+    mean: Floats
+    covariance: Floats
+    first_row: Ints
+    design: Floats
+    value: Floats
+    variance: Floats
 
 
 @inlined
-def _carry_other_half(to: Ints, of: Ints, states: Ints, by: Floats, half: Floats, p: Floats) -> None:
-    """Add ``half`` times ``by``' to the lower triangle of ``p`` (d, d), and mirror it."""
+def _carry_half(to: Ints, of: Ints, by: Floats, x: Floats, p: Floats, moved: Floats, half: Floats) -> None:
+    """Turn ``x`` (w,) into T x, and fill ``half`` (w, w) with T P; ``by`` (j,) are the entries of T."""
+    w = len(x)
+    for a in range(w):
+        moved[a] = 0.0
+        for b in range(w):
+            half[a, b] = 0.0
     for j in range(len(to)):
-        b, c = to[j], of[j]
-        f = by[states[b], states[c]]
-        for a in range(b, len(p)):
-            p[a, b] += half[a, c] * f
-    for a in range(len(p)):
+        a, c, f = to[j], of[j], by[j]
+        moved[a] += f * x[c]
+        for b in range(w):
+            half[a, b] += f * p[c, b]
+    for a in range(w):
+        x[a] = moved[a]
+
+
+@inlined
+def _carry_other_half(
+    width: tuple[int, ...], to: Ints, of: Ints, by: Floats, half: Floats, p: Floats
+) -> None:
+    """Fill ``p`` (w, w) with ``half`` T'; its lower triangle is right, whatever rounding does to the other."""
+    w = len(width)
+    for a in range(w):
+        for b in range(w):
+            p[a, b] = 0.0
+    for j in range(len(to)):
+        a, c, f = to[j], of[j], by[j]
+        for b in range(w):
+            p[a, b] += f * half[b, c]
+
+
+@inlined
+def _mirror(width: tuple[int, ...], p: Floats) -> None:
+    """Copy the lower triangle of ``p`` (w, w) to the upper one."""
+    for a in range(len(width)):
         for b in range(a):
             p[b, a] = p[a, b]
 
 
-@compiled
+@compiled_vector
 def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many arrays cost more than the sums)
-    states: Ints,
-    moves: Ints,
-    transition: Floats,
-    noise: Floats,
-    start_mean: Floats,
-    start_covariance: Floats,
-    first_row: Ints,
-    design: Floats,
-    value: Floats,
-    variance: Floats,
+    lanes: Lanes,
+    followed: int,
     mean: Floats,
     covariance: Floats,
     innovation: Floats,
     scale: Floats,
     gain: Floats,
+    before: Floats,
 ) -> float:
     """Fill predicted means and covariances, innovations, their variances and gains; return the log-likelihood.
 
-    Of ``states`` (d,) only. ``moves`` (j, 2): row and column, in ``states``, of what a transition may hold. Means and
-    covariances are kept where there is room for them (none: shape (0, ...)); gains (m, d) are in the order of
-    ``states``.
+    Means (n, w), covariances (n, w, w) and ``before`` (n, w + 1) are kept where there is room for them (none: n = 0).
+    ``before`` holds what the step k - 1 knew of the state in the lane ``followed``: its covariance with the states at
+    step k, and its mean.
     """
-    n, d = len(transition), len(states)
-    stores = len(mean) > 0
-    x, p = start_mean[states], np.empty((d, d))
-    for a in range(d):
-        for b in range(d):
-            p[a, b] = start_covariance[states[a], states[b]]
-    moved, half = np.empty(d), np.empty((d, d))
-    h, seen, g = np.empty(d), np.empty(d, np.int64), np.empty(d)
-    likelihood = 0.0
+    width, to, of, carried, row, column, shaken, _, _, first_row, design, value, variance = lanes
+    n, w = len(carried), len(width)
+    x, moved, g = np.empty(w), np.empty(w), np.empty(w)
+    p, half = np.empty((w, w)), np.empty((w, w))
+    for a in range(w):
+        x[a] = lanes.mean[a]
+        for b in range(w):
+            p[a, b] = lanes.covariance[a, b]
+    likelihood, product = 0.0, 1.0
     for k in range(n):
         if k:
-            _carry_half(moves[:, 0], moves[:, 1], states, transition[k], x, p, moved, half)
-            for a in range(d):
-                for b in range(a + 1):
-                    p[a, b] = noise[k, states[a], states[b]]
-            _carry_other_half(moves[:, 0], moves[:, 1], states, transition[k], half, p)
-        if stores:
-            for a in range(d):
-                mean[k, states[a]] = x[a]
-                for b in range(d):
-                    covariance[k, states[a], states[b]] = p[a, b]
+            if len(before):
+                before[k, w] = x[followed]
+            _carry_half(to, of, carried[k], x, p, moved, half)
+            if len(before):
+                for a in range(w):
+                    before[k, a] = half[a, followed]
+            _carry_other_half(width, to, of, carried[k], half, p)
+            for j in range(len(row)):
+                p[row[j], column[j]] += shaken[k, j]
+            _mirror(width, p)
+        if len(mean):
+            for a in range(w):
+                mean[k, a] = x[a]
+                for b in range(w):
+                    covariance[k, a, b] = p[a, b]
         for i in range(first_row[k], first_row[k + 1]):
             s, v = variance[i], value[i]
-            count = 0
-            for a in range(d):
-                h[a] = design[i, states[a]]
-                if h[a] != 0.0:
-                    seen[count] = a
-                    count += 1
-            for a in range(d):
+            for a in range(w):
                 g[a] = 0.0
-            for j in range(count):
-                b = seen[j]
-                for a in range(d):
-                    g[a] += p[b, a] * h[b]
-            for j in range(count):
-                a = seen[j]
-                s += h[a] * g[a]
-                v -= h[a] * x[a]
+            for a in range(w):
+                h = design[i, a]
+                if h != 0.0:
+                    v -= h * x[a]
+                    for b in range(w):
+                        g[b] += h * p[a, b]
+            for a in range(w):
+                s += design[i, a] * g[a]
             innovation[i], scale[i] = v, s
-            likelihood -= 0.5 * (np.log(s) + v * v / s)
-            for a in range(d):
-                gain[i, a] = g[a]
-                share = g[a] / s
+            likelihood -= 0.5 * v * v / s
+            product *= s  # one logarithm for many
+            if not 1e-100 < product < 1e100:
+                likelihood -= 0.5 * math.log(product)
+                product = 1.0
+            for a in range(w):
+                gain[i, a] = g[a] / s
+            for a in range(w):
+                share = gain[i, a]
                 x[a] += share * v
-                for b in range(a + 1):
-                    p[a, b] = p[b, a] = p[a, b] - share * g[b]
-    return likelihood
+                for b in range(w):
+                    p[a, b] -= share * g[b]
+    return likelihood - 0.5 * math.log(product)
 
 
-@compiled
+@compiled_vector
 def run_backward(  # noqa: C901, PLR0912
-    states: Ints,
-    moves: Ints,
-    transition: Floats,
-    first_row: Ints,
-    design: Floats,
+    lanes: Lanes,
     mean: Floats,
     covariance: Floats,
     innovation: Floats,
     scale: Floats,
     gain: Floats,
+    before: Floats,
     residual: Floats,
     precision: Floats,
     pull: Floats,
     pull_precision: Floats,
+    carry_pull: Floats,
 ) -> None:
     """Turn predicted means and covariances into smoothed ones; fill smoothing errors, their precisions and pulls.
 
-    Of ``states`` only, as ``run_forward``.
+    ``pull_precision`` (n, e) is that of the entries of the steps' noise. ``carry_pull`` (n, w) is the gradient of the
+    log-likelihood by the column of the transition that ``before`` followed.
     """
-    n, d = len(transition), len(states)
-    stores = len(mean) > 0
-    r, big = np.zeros(d), np.zeros((d, d))
-    work, along, moved = np.empty((d, d)), np.empty(d), np.empty(d)
-    h, seen, g, p = np.empty(d), np.empty(d, np.int64), np.empty(d), np.empty((d, d))
+    width, to, of, carried, row, column, _, _, _, first_row, design, _, _ = lanes
+    n, w = len(carried), len(width)
+    r, big, half = np.zeros(w), np.zeros((w, w)), np.empty((w, w))
+    along, moved, g, seen = np.empty(w), np.empty(w), np.empty(w), np.empty(w, np.int64)
     for k in range(n - 1, -1, -1):
         for i in range(first_row[k + 1] - 1, first_row[k] - 1, -1):
             s = scale[i]
             u, square = innovation[i] / s, 1.0 / s
-            count = 0
-            for a in range(d):
-                h[a], g[a] = design[i, states[a]], gain[i, a] / s
+            for a in range(w):
+                g[a] = gain[i, a]
                 along[a] = 0.0
-                if h[a] != 0.0:
-                    seen[count] = a
-                    count += 1
-            for b in range(d):
-                for a in range(d):
-                    along[a] += big[b, a] * g[b]
-                u -= g[b] * r[b]
-            for a in range(d):
+            for b in range(w):
+                share = gain[i, b]
+                for a in range(w):
+                    along[a] += share * big[b, a]
+            for a in range(w):
+                u -= g[a] * r[a]
                 square += g[a] * along[a]
             residual[i], precision[i] = u, square
             # L' N L in two steps, with L = 1 - gain design' / s: multiplied out, a vague start would cost all digits.
             # Only rows and columns of states that are seen change.
+            count = 0
+            for b in range(w):
+                h = design[i, b]
+                if h != 0.0:
+                    seen[count] = b
+                    count += 1
+                    r[b] += h * u
+                    total = 0.0
+                    for a in range(w):
+                        big[b, a] -= h * along[a]
+                        total += g[a] * big[b, a]
+                    moved[b] = h / s - total
             for j in range(count):
                 b = seen[j]
-                r[b] += h[b] * u
-                total = 0.0
-                for a in range(d):
-                    work[a, b] = big[a, b] - along[a] * h[b]
-                    total += g[a] * work[a, b]
-                moved[b] = total
+                for other in range(count):
+                    big[b, seen[other]] += design[i, seen[other]] * moved[b]
             for j in range(count):
                 b = seen[j]
-                for a in range(d):
-                    if h[a] == 0.0:
-                        big[a, b] = big[b, a] = work[a, b]
-                for other in range(j, count):
-                    a = seen[other]
-                    big[a, b] = big[b, a] = work[a, b] + h[a] * (h[b] / s - moved[b])
-        for a in range(d):
-            pull[k, states[a]] = r[a]
-            for b in range(d):
-                pull_precision[k, states[a], states[b]] = big[a, b]
-        if stores:
-            for a in range(d):
-                for b in range(d):
-                    p[a, b] = covariance[k, states[a], states[b]]
-                    work[a, b] = 0.0
-            for a in range(d):
-                for c in range(d):
-                    for b in range(d):
-                        work[a, b] += p[a, c] * big[c, b]
-            for a in range(d):
-                for b in range(d):
-                    mean[k, states[a]] += p[a, b] * r[b]
-                for b in range(a + 1):
-                    total = p[a, b]
-                    for c in range(d):
-                        total -= work[a, c] * p[b, c]
-                    covariance[k, states[a], states[b]] = covariance[k, states[b], states[a]] = total
+                for a in range(w):
+                    big[a, b] = big[b, a]
+        for a in range(w):
+            pull[k, a] = r[a]
+        for j in range(len(row)):
+            pull_precision[k, j] = big[row[j], column[j]]
+        if len(mean):
+            for a in range(w):
+                for b in range(w):
+                    half[a, b] = 0.0
+            for a in range(w):
+                for c in range(w):
+                    share = covariance[k, a, c]
+                    mean[k, a] += share * r[c]
+                    for b in range(w):
+                        half[a, b] += share * big[c, b]
+            for b in range(w):  # what was predicted stays in the upper triangle until all is done
+                for a in range(w):
+                    g[a] = covariance[k, min(a, b), max(a, b)]
+                for a in range(b, w):
+                    total = 0.0
+                    for c in range(w):
+                        total += half[a, c] * g[c]
+                    covariance[k, a, b] -= total
+            _mirror(width, covariance[k])
         if k:
-            turned = transition[k].T
-            _carry_half(moves[:, 1], moves[:, 0], states, turned, r, big, moved, work)
-            big[:] = 0.0
-            _carry_other_half(moves[:, 1], moves[:, 0], states, turned, work, big)
+            if len(before):
+                x = before[k, w]
+                for a in range(w):
+                    x += before[k, a] * r[a]
+                for a in range(w):
+                    carry_pull[k, a] = r[a] * x
+                for b in range(w):
+                    share = before[k, b]
+                    for a in range(w):
+                        carry_pull[k, a] -= share * big[b, a]
+            _carry_half(of, to, carried[k], r, big, moved, half)
+            _carry_other_half(width, of, to, carried[k], half, big)
+            _mirror(width, big)

@@ -12,16 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from fusion.filters.smoother import LinearModel, Smoothed, StepNoise
+from fusion.filters.smoother import Core, Entries, Scores
 from fusion.network.curve import RANDOM_WALK_M
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, SENSORS, Measurements
 from fusion.profile.model import (
+    GRADE,
     RATES,
     Jumps,
     Noise,
     SmootherEpochs,
-    add_noise,
-    follow_grades,
+    grades_carried,
     linear_model,
     misalignment_variance,
     step_noise,
@@ -56,8 +56,8 @@ _SHARE_TOLD = 0.3
 _BEND_STEP = 0.3
 """Upward step of a log over which the bend of the likelihood is taken. Errors of a level matter from about this size
 on, and it is the upward ones that the expected variances come from."""
-_LENGTH_STEP = 0.05
-"""Step of the log of a grade's length over which the likelihood's derivative is taken."""
+_LENGTH_STEP = 0.01
+"""Step of the log of a grade's length over which the derivatives of the model are taken."""
 MOST_UNCERTAIN = 1.0
 """The largest sigma of a log that is counted. Beyond it the prior's tail would speak almost alone."""
 
@@ -76,7 +76,7 @@ def expected_levels(
 ) -> tuple[Noise, Floats]:
     """One step of EM on the white levels alone, and new weights (m,): rough, but it gets away from any start."""
     variance = white_variance(measured, noise) / weight
-    smoothed = linear_model(measured, epochs, noise, variance).smooth()
+    smoothed = linear_model(measured, epochs, noise, variance).core.scores()
     second = _second_moment(smoothed, variance) * weight / variance_unit(measured)
     levels = {
         name: float(np.sqrt(np.mean(second[measured.sensor == sensor])))
@@ -89,13 +89,13 @@ def expected_levels(
     return noise, (STUDENT_T_FREEDOM + 1) / (STUDENT_T_FREEDOM + square)
 
 
-def _second_moment(smoothed: Smoothed, variance: Floats) -> Floats:
+def _second_moment(smoothed: Scores, variance: Floats) -> Floats:
     """Expected square of each measurement's error given everything."""
     error = variance * smoothed.residual / smoothed.residual_variance
     return np.asarray(error**2 + variance - variance**2 / smoothed.residual_variance)
 
 
-def normalised_square(smoothed: Smoothed, variance: Floats, usual: Floats) -> Floats:
+def normalised_square(smoothed: Scores, variance: Floats, usual: Floats) -> Floats:
     """Square of each measurement's error against an estimate without it, over the expected square; shape (m,).
 
     The expected square comes from the ``usual`` variance. The present variance holds the robust weight: with it,
@@ -203,7 +203,7 @@ class _Likelihood:
     """The likelihood of a drive's levels, with all that stays as it is while they are sought.
 
     ``white`` are the white levels, by sensor. ``unit`` and ``misalignment`` (m,): parts of the variances, with weights;
-    ``fixed``: of the steps' noise what is not learned; ``parts``: what is, at the levels ``noise``.
+    ``fixed``: of the entries of the steps' noise what is not learned; ``parts``: what is, at the levels ``noise``.
     """
 
     measured: Measurements
@@ -212,9 +212,9 @@ class _Likelihood:
     unit: Floats
     misalignment: Floats
     epochs: SmootherEpochs
-    model: LinearModel
-    fixed: Floats
-    parts: dict[str, StepNoise]
+    core: Core
+    fixed: Entries
+    parts: dict[str, Entries]
 
     @classmethod
     def about(
@@ -226,11 +226,11 @@ class _Likelihood:
             ROBUST_INFORMATION_LOSS * v / weight
             for v in (variance_unit(measured), misalignment_variance(measured))
         )
-        model = linear_model(measured, epochs, noise, unit, jumps)
-        others = [name for name in RATES if name not in rates]
-        fixed = steps_noise(epochs, noise, jumps, others)
+        core = linear_model(measured, epochs, noise, unit, jumps).core
+        others = steps_noise(epochs, noise, jumps, [name for name in RATES if name not in rates])
         parts = {name: step_noise(epochs, noise, name) for name in rates}
-        return cls(measured, white, noise, unit, misalignment, epochs, model, fixed, parts)
+        fixed = {(a, b): others[:, a, b].copy() for part in parts.values() for a, b in part}
+        return cls(measured, white, noise, unit, misalignment, epochs, core, fixed, parts)
 
     @property
     def names(self) -> list[str]:
@@ -239,33 +239,40 @@ class _Likelihood:
 
     def at(self, noise: Noise) -> tuple[float, Floats]:
         """The log-likelihood, and its derivatives by the logs of the levels, in the order of ``names``."""
-        sensor = self.measured.sensor
+        sensor, length = self.measured.sensor, noise.grade_length_m
         variance = white_level(sensor, noise) ** 2 * self.unit + self.misalignment
-        model, parts = self._at(noise, variance)
-        scores = model.scores()
+        parts = self._parts(noise)
+        total = {entry: self.fixed[entry] + value for part in parts.values() for entry, value in part.items()}
+        carried = grades_carried(self.epochs, length)
+        learns_length = knows_lengths(self.measured)
+        scores = self.core.at_levels(total, carried, variance).scores(GRADE if learns_length else -1)
         white = scores.level_score(variance) * (1 - self.misalignment / variance)
         by_sensor = np.bincount(sensor, white, len(SENSORS))
         slopes = [2 * float(by_sensor[code]) for code in self.white]
         slopes += [_power(name) * scores.noise_score(part) for name, part in parts.items()]
-        if knows_lengths(self.measured):
-            longer = noise.with_(grade_length_m=noise.grade_length_m * float(np.exp(_LENGTH_STEP)))
-            there = self._at(longer, variance)[0].log_likelihood()
-            slopes.append((there - scores.log_likelihood) / _LENGTH_STEP)
+        if learns_length:
+            longer = noise.with_(grade_length_m=length * float(np.exp(_LENGTH_STEP)))
+            noisier = _change(parts["roughness"], step_noise(self.epochs, longer, "roughness"))
+            farther = _change(carried, grades_carried(self.epochs, longer.grade_length_m))
+            slopes.append(
+                scores.noise_score(noisier) + scores.carry_score({a: v for (a, _), v in farther.items()})
+            )
         return scores.log_likelihood, np.array(slopes)
 
-    def _at(self, noise: Noise, variance: Floats) -> tuple[LinearModel, dict[str, StepNoise]]:
-        """The model at some levels, until the next is asked for; and its parts."""
-        parts: dict[str, StepNoise] = {}
+    def _parts(self, noise: Noise) -> dict[str, Entries]:
+        """``parts`` at other levels."""
+        parts: dict[str, Entries] = {}
         for name, part in self.parts.items():
             factor = (getattr(noise, name) / getattr(self.noise, name)) ** _power(name)
             parts[name] = {entry: factor * value for entry, value in part.items()}
         if noise.grade_length_m != self.noise.grade_length_m:
             parts["roughness"] = step_noise(self.epochs, noise, "roughness")
-        total = self.fixed.copy()
-        for part in parts.values():
-            add_noise(total, part)
-        follow_grades(self.model.transition, self.epochs, noise.grade_length_m)
-        return self.model.at_levels(total, variance), parts
+        return parts
+
+
+def _change(here: Entries, longer: Entries) -> Entries:
+    """Derivatives of entries by the log of the grade's length."""
+    return {entry: (longer[entry] - value) / _LENGTH_STEP for entry, value in here.items()}
 
 
 def _power(rate: str) -> int:

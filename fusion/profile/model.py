@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from fusion.arrays import nearest
-from fusion.filters.smoother import LinearModel, StepNoise
+from fusion.filters.smoother import Entries, LinearModel
 from fusion.network.curve import RANDOM_WALK_M, grade_carried, grade_noise
 from fusion.network.pass_factor import USUAL_SPEED_PRESSURE
 from fusion.profile.barometer import speed_head
@@ -180,6 +181,17 @@ class SmootherEpochs:
     grade_change_variance: Floats
     of_measurement: Ints
 
+    @cached_property
+    def steps(self) -> tuple[Floats, Floats]:
+        """Seconds and metres since the epoch before, (n,)."""
+        dt = np.diff(self.time_s, prepend=self.time_s[:1])
+        return dt, np.maximum(np.diff(self.along_m, prepend=self.along_m[:1]), 0.0)
+
+    @cached_property
+    def fresh(self) -> Bools:
+        """At which epochs the path begins anew, (n,)."""
+        return np.asarray(np.diff(self.run, prepend=self.run[:1]) != 0)
+
 
 def build_smoother_epochs(measured: Measurements, path: DrivenPath) -> SmootherEpochs:
     """The epochs of measurements; those within ``_SAME_EPOCH_S`` of each other share one."""
@@ -195,9 +207,9 @@ RATES = ("roughness", "drift", "baro_drift", "wander")
 """The levels that the steps' noise is proportional to (the wander's variance; fields of ``Noise``)."""
 
 
-def step_noise(epochs: SmootherEpochs, noise: Noise, name: str) -> StepNoise:
+def step_noise(epochs: SmootherEpochs, noise: Noise, name: str) -> Entries:
     """What one of ``RATES`` adds to the steps' noise: also the derivative by the log of the variance."""
-    dt, ds = _steps(epochs)
+    dt, ds = epochs.steps
     if name == "roughness":
         q, (height, both, grade) = noise.roughness, grade_noise(ds, noise.grade_length_m)
         return {(HEIGHT, HEIGHT): q * height, (GRADE, HEIGHT): q * both, (GRADE, GRADE): q * grade}
@@ -208,31 +220,18 @@ def step_noise(epochs: SmootherEpochs, noise: Noise, name: str) -> StepNoise:
     return {(BARO_DRIFT, BARO_DRIFT): noise.baro_drift * dt}
 
 
-def add_noise(total: Floats, part: StepNoise) -> None:
-    """Add entries to the steps' noise (n, STATES, STATES), in place."""
-    for (a, b), entry in part.items():
-        total[:, a, b] += entry
-        if a != b:
-            total[:, b, a] += entry
-
-
-def _steps(epochs: SmootherEpochs) -> tuple[Floats, Floats]:
-    """Seconds and metres since the epoch before, (n,)."""
-    dt = np.diff(epochs.time_s, prepend=epochs.time_s[:1])
-    return dt, np.maximum(np.diff(epochs.along_m, prepend=epochs.along_m[:1]), 0.0)
-
-
 def steps_noise(
     epochs: SmootherEpochs, noise: Noise, jumps: Jumps = (), rates: Collection[str] = RATES
 ) -> Floats:
     """The noise of all steps (n, STATES, STATES), with sudden changes at ``jumps`` and of some ``rates``."""
-    dt, ds = _steps(epochs)
-    fresh = _fresh(epochs)
+    dt, ds = epochs.steps
     q = np.zeros((len(dt), STATES, STATES))
     for name in rates:
-        add_noise(q, step_noise(epochs, noise, name))
-    q[:, HEIGHT, HEIGHT] += np.where(fresh, _NEW_RUN[0], 0.0)
-    q[:, GRADE, GRADE] += epochs.grade_change_variance + np.where(fresh, _NEW_RUN[1], 0.0)
+        for (a, b), entry in step_noise(epochs, noise, name).items():
+            q[:, a, b] += entry
+            q[:, b, a] = q[:, a, b]
+    q[:, HEIGHT, HEIGHT] += np.where(epochs.fresh, _NEW_RUN[0], 0.0)
+    q[:, GRADE, GRADE] += epochs.grade_change_variance + np.where(epochs.fresh, _NEW_RUN[1], 0.0)
     q[:, MOUNT, MOUNT] = _MOUNT_WALK * dt
     q[:, GUST, GUST] = noise.gust_m**2 * (1 - np.exp(-2 * dt / GUST_TAU_S))
     for k, state in jumps:
@@ -241,19 +240,15 @@ def steps_noise(
     return q
 
 
-def _fresh(epochs: SmootherEpochs) -> Bools:
-    """At which epochs the path begins anew, (n,)."""
-    return np.asarray(np.diff(epochs.run, prepend=epochs.run[:1]) != 0)
-
-
 def linear_model(
     measured: Measurements, epochs: SmootherEpochs, noise: Noise, variance: Floats, jumps: Jumps = ()
 ) -> LinearModel:
     """The model for the filter, with the ``variance`` of each measurement (m,) and sudden changes at ``jumps``."""
     n = len(epochs.time_s)
-    dt, ds = _steps(epochs)
+    dt, ds = epochs.steps
     transition = np.broadcast_to(np.eye(STATES), (n, STATES, STATES)).copy()
-    follow_grades(transition, epochs, noise.grade_length_m)
+    for (a, b), entry in grades_carried(epochs, noise.grade_length_m).items():
+        transition[:, a, b] = entry
     transition[:, DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
     transition[:, WANDER, WANDER] = np.exp(-dt / WANDER_TAU_S)
     transition[:, GUST, GUST] = np.exp(-dt / GUST_TAU_S)
@@ -271,8 +266,7 @@ def linear_model(
     )  # fmt: skip
 
 
-def follow_grades(transition: Floats, epochs: SmootherEpochs, grade_length_m: float) -> None:
-    """Let heights follow the grades, and these go back to level, in transitions (n, STATES, STATES), in place."""
-    run, left = grade_carried(_steps(epochs)[1], grade_length_m)
-    transition[:, HEIGHT, GRADE] = np.where(_fresh(epochs), 0.0, run)
-    transition[:, GRADE, GRADE] = left
+def grades_carried(epochs: SmootherEpochs, grade_length_m: float) -> Entries:
+    """What lets heights follow the grades, and these go back to level, in transitions."""
+    run, left = grade_carried(epochs.steps[1], grade_length_m)
+    return {(HEIGHT, GRADE): np.where(epochs.fresh, 0.0, run), (GRADE, GRADE): left}

@@ -197,7 +197,7 @@ def _with_jump(epochs: SmootherEpochs, smoothed: Smoothed, jumps: Jumps) -> Jump
         known = [k for k, s in jumps if s == state]
         if len(known) >= MAX_JUMPS:
             continue
-        score = np.abs(smoothed.break_score[:, state])
+        score = np.abs(smoothed.break_score(state))
         score[0] = 0.0
         for k in known:
             score[np.abs(epochs.time_s - epochs.time_s[k]) < JUMP_SPACING_S] = 0.0

@@ -173,7 +173,7 @@ def test_the_break_score_is_the_size_of_a_sudden_change_in_sigmas(seed: int, ste
     dense, smoothed = Dense(model), model.smooth()
     for k in range(int(model.step[-1]) + 1):  # later changes are seen by no measurement
         for a in range(states):
-            assert smoothed.break_score[k, a] == pytest.approx(dense.break_score(k, a), rel=1e-5, abs=1e-6)
+            assert smoothed.break_score(a)[k] == pytest.approx(dense.break_score(k, a), rel=1e-5, abs=1e-6)
 
 
 def test_smoothing_leaves_the_model_as_it_was() -> None:
@@ -215,13 +215,43 @@ def test_the_noise_score_is_the_slope_of_the_likelihood(seed: int, steps: int, s
 @given(seed=st.integers(0, 2**31), steps=st.integers(1, 8), states=st.integers(1, 4))
 def test_scores_alone_are_those_of_the_smoother(seed: int, steps: int, states: int) -> None:
     model = random_model(seed, steps, states)
-    smoothed, scores = model.smooth(), model.scores()
-    for name in ("residual", "residual_variance", "pull", "pull_precision", "log_likelihood"):
+    smoothed, scores = model.smooth(), model.core.scores()
+    for name in ("residual", "residual_variance", "pull", "log_likelihood"):
         np.testing.assert_array_equal(getattr(scores, name), getattr(smoothed, name))
+    assert scores.pull_precision.keys() == smoothed.pull_precision.keys()
+    for entry, precision in scores.pull_precision.items():
+        np.testing.assert_array_equal(precision, smoothed.pull_precision[entry])
+
+
+@given(seed=st.integers(0, 2**31), steps=st.integers(2, 6), states=st.integers(1, 5))
+def test_the_carry_score_is_the_slope_of_the_likelihood(seed: int, steps: int, states: int) -> None:
+    """By any part of the transitions' column that is followed; that of the first step is not used."""
+    model = random_model(seed, steps, states)
+    rng = np.random.default_rng(seed)
+    column, part = int(rng.integers(states)), rng.normal(size=(steps, states))
+    part[0] *= 1e6
+    whole = np.zeros_like(model.transition)
+    whole[:, :, column] = part
+    found = model.core.scores(column).carry_score({a: part[:, a] for a in range(states)})
+    up, down = (
+        Dense(replace(model, transition=model.transition + h * whole)).log_likelihood() for h in (1e-5, -1e-5)
+    )
+    assert found == pytest.approx((up - down) / 2e-5, rel=1e-3, abs=1e-4 * (1 + abs(found)))
+
+
+def test_a_column_that_nobody_sees_has_no_carry_score() -> None:
+    model = random_model(4, 6, 2, rows=9)
+    assert not model.core.scores().carry_pull.size
 
 
 def test_a_model_at_other_levels_is_the_model_with_these_levels() -> None:
     model = random_model(4, 7, 3, rows=9)
     noise, variance = 2 * model.noise, 0.5 * model.variance
-    there = model.at_levels(noise, variance).smooth()
-    np.testing.assert_array_equal(there.mean, replace(model, noise=noise, variance=variance).smooth().mean)
+    entries = {(int(a), int(b)): noise[:, a, b] for a, b in zip(*np.tril_indices(3), strict=True)}
+    transition = 0.9 * model.transition
+    there = model.core.at_levels(entries, {(0, 1): transition[:, 0, 1]}, variance).scores()
+    changed = model.transition.copy()
+    changed[:, 0, 1] = transition[:, 0, 1]
+    expected = replace(model, noise=noise, variance=variance, transition=changed).core.scores()
+    np.testing.assert_array_equal(there.residual, expected.residual)
+    assert there.log_likelihood == expected.log_likelihood
