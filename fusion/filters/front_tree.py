@@ -234,11 +234,16 @@ def slot(tree: Tree, front_of: Ints, a: int, b: int) -> int:
     begin, end = tree.first[s], tree.first[s + 1]
     local = row - begin
     if row >= end:
-        mine = tree.rows[tree.row_start[s] : tree.row_start[s + 1]]
-        at = np.searchsorted(mine, row)
-        if at >= len(mine) or mine[at] != row:
+        low, high = tree.row_start[s], tree.row_start[s + 1]
+        while low < high:  # numba's search takes thrice as long
+            middle = (low + high) // 2
+            if tree.rows[middle] < row:
+                low = middle + 1
+            else:
+                high = middle
+        if low == tree.row_start[s + 1] or tree.rows[low] != row:
             return -1
-        local = end - begin + at
+        local = end - begin + low - tree.row_start[s]
     return int(tree.panel_start[s] + local * (end - begin) + column - begin)
 
 

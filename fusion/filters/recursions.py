@@ -19,11 +19,13 @@ from fusion.types import Floats, Ints
 class Lanes(NamedTuple):
     """A model (``smoother.LinearModel``) as the loops take it, of w lanes; those beyond its states hold zeros.
 
-    ``width`` is a tuple of w numbers. ``carried`` (n, j) are the entries of transitions at rows ``to`` and columns
-    ``of`` (j,), ``shaken`` (n, e) those of the steps' noise at ``row`` and ``column`` (e,) of the lower triangle.
-    ``mean`` (w,), ``covariance`` (w, w) and ``design`` (m, w) are in the order of the lanes.
+    ``states`` (d,) are the numbers of the states in the lanes, ``width`` is a tuple of w numbers. ``carried`` (n, j)
+    are the entries of transitions at rows ``to`` and columns ``of`` (j,), ``shaken`` (n, e) those of the steps' noise
+    at ``row`` and ``column`` (e,) of the lower triangle. ``mean`` (w,), ``covariance`` (w, w) and ``design`` (m, w) are
+    in the order of the lanes.
     """
 
+    states: Ints
     width: tuple[int, ...]
     to: Ints
     of: Ints
@@ -92,12 +94,12 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
 ) -> float:
     """Fill predicted means and covariances, innovations, their variances and gains; return the log-likelihood.
 
-    Means (n, w), covariances (n, w, w) and ``before`` (n, w + 1) are kept where there is room for them (none: n = 0).
+    Means and covariances, of all states, and ``before`` (n, w + 1) are kept where there is room for them (none: n = 0).
     ``before`` holds what the step k - 1 knew of the state in the lane ``followed``: its covariance with the states at
     step k, and its mean.
     """
-    width, to, of, carried, row, column, shaken, _, _, first_row, design, value, variance = lanes
-    n, w = len(carried), len(width)
+    states, width, to, of, carried, row, column, shaken, _, _, first_row, design, value, variance = lanes
+    n, d, w = len(carried), len(states), len(width)
     x, moved, g = np.empty(w), np.empty(w), np.empty(w)
     p, half = np.empty((w, w)), np.empty((w, w))
     for a in range(w):
@@ -118,10 +120,10 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
                 p[row[j], column[j]] += shaken[k, j]
             _mirror(width, p)
         if len(mean):
-            for a in range(w):
-                mean[k, a] = x[a]
-                for b in range(w):
-                    covariance[k, a, b] = p[a, b]
+            for a in range(d):
+                mean[k, states[a]] = x[a]
+                for b in range(d):
+                    covariance[k, states[a], states[b]] = p[a, b]
         for i in range(first_row[k], first_row[k + 1]):
             s, v = variance[i], value[i]
             for a in range(w):
@@ -170,9 +172,9 @@ def run_backward(  # noqa: C901, PLR0912
     ``pull_precision`` (n, e) is that of the entries of the steps' noise. ``carry_pull`` (n, w) is the gradient of the
     log-likelihood by the column of the transition that ``before`` followed.
     """
-    width, to, of, carried, row, column, _, _, _, first_row, design, _, _ = lanes
-    n, w = len(carried), len(width)
-    r, big, half = np.zeros(w), np.zeros((w, w)), np.empty((w, w))
+    states, width, to, of, carried, row, column, _, _, _, first_row, design, _, _ = lanes
+    n, d, w = len(carried), len(states), len(width)
+    r, big, p, half = np.zeros(w), np.zeros((w, w)), np.zeros((w, w)), np.empty((w, w))
     along, moved, g, seen = np.empty(w), np.empty(w), np.empty(w), np.empty(w, np.int64)
     for k in range(n - 1, -1, -1):
         for i in range(first_row[k + 1] - 1, first_row[k] - 1, -1):
@@ -216,24 +218,23 @@ def run_backward(  # noqa: C901, PLR0912
         for j in range(len(row)):
             pull_precision[k, j] = big[row[j], column[j]]
         if len(mean):
+            for a in range(d):
+                for b in range(d):
+                    p[a, b] = covariance[k, states[a], states[b]]
             for a in range(w):
                 for b in range(w):
                     half[a, b] = 0.0
-            for a in range(w):
                 for c in range(w):
-                    share = covariance[k, a, c]
-                    mean[k, a] += share * r[c]
                     for b in range(w):
-                        half[a, b] += share * big[c, b]
-            for b in range(w):  # what was predicted stays in the upper triangle until all is done
-                for a in range(w):
-                    g[a] = covariance[k, min(a, b), max(a, b)]
-                for a in range(b, w):
-                    total = 0.0
+                        half[a, b] += p[a, c] * big[c, b]
+            for a in range(d):
+                for b in range(d):
+                    mean[k, states[a]] += p[a, b] * r[b]
+                for b in range(a + 1):
+                    total = p[a, b]
                     for c in range(w):
-                        total += half[a, c] * g[c]
-                    covariance[k, a, b] -= total
-            _mirror(width, covariance[k])
+                        total -= half[a, c] * p[b, c]
+                    covariance[k, states[a], states[b]] = covariance[k, states[b], states[a]] = total
         if k:
             if len(before):
                 x = before[k, w]

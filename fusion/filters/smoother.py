@@ -8,7 +8,7 @@ leave-one-out residual of every measurement on the way.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,6 @@ from fusion.types import Bools, Floats, Ints
 
 LANES = 4
 """States are packed into a multiple of so many lanes: the loops are compiled for each number of lanes that occurs."""
-_NO_MEANS, _NO_COVARIANCES = np.empty((0, 0)), np.empty((0, 0, 0))
 
 Entries = Mapping[tuple[int, int], Floats]
 """Entries (n,) of a matrix (d, d) of each step, by row and column; the others are 0. Of a symmetric matrix those of the
@@ -29,13 +28,14 @@ lower triangle."""
 class LinearModel:
     """n steps of d states and m scalar measurements, ordered by step.
 
-    ``transition`` (n, d, d) and ``noise`` (n, d, d) lead from step k - 1 to k (the first of each is not used); ``mean``
-    (d,) and ``covariance`` (d, d) hold before the first measurement. Measurement i at ``step[i]`` is
+    ``transition`` and ``noise`` lead from step k - 1 to k (the first of each is not used); ``mean`` (d,) and
+    ``covariance`` (d, d) hold before the first measurement. Measurement i at ``step[i]`` is
     ``value[i] = design[i] @ x + error`` with variance ``variance[i]``.
     """
 
-    transition: Floats
-    noise: Floats
+    steps: int
+    transition: Entries
+    noise: Entries
     mean: Floats
     covariance: Floats
     step: Ints
@@ -44,18 +44,11 @@ class LinearModel:
     variance: Floats
 
     @cached_property
-    def _moves(self) -> Bools:
-        """Which entries of a transition are not 0 in every step, (d, d)."""
-        return np.asarray(np.any(self.transition[1:] != 0, axis=0))
-
-    @cached_property
-    def _shaken(self) -> Bools:
-        """Which entries of the steps' noise are not 0 in every step, (d, d); of every state its own."""
-        return np.asarray(np.any(self.noise[1:] != 0, axis=0) | np.eye(len(self.mean), dtype=bool))
-
     def _seen(self) -> Bools:
         """The states (d,) that measurements see, or that hang together with such; the others take their own way."""
-        linked = (self.covariance != 0) | self._moves | self._shaken
+        linked = self.covariance != 0
+        for pair in (*self.transition, *self.noise):
+            linked[pair] = True
         linked |= linked.T
         seen = np.any(self.design != 0, axis=0)
         for _ in seen:
@@ -63,125 +56,130 @@ class LinearModel:
         return np.asarray(seen, np.bool_)
 
     @cached_property
-    def core(self) -> Core:
+    def _packed(self) -> _Packed:
         """The states that are seen, with all measurements."""
-        return self._part(self._seen(), len(self.step))
+        return _Packed.of(self, self._seen, len(self.step))
+
+    def at_levels(self, noise: Entries, transition: Entries, variance: Floats) -> LinearModel:
+        """The same with other ``variance``, and with other values of entries that it has."""
+        every, moves = {**self.noise, **noise}, {**self.transition, **transition}
+        other = replace(self, noise=every, transition=moves, variance=variance)
+        packed = self._packed.at_levels(noise, transition, variance)
+        vars(other).update(_seen=self._seen, _packed=packed)
+        return other
 
     def smooth(self) -> Smoothed:
         """Means and covariances of every state given all measurements."""
-        n, d = self.transition.shape[:2]
-        mean, covariance = np.empty((n, d)), np.zeros((n, d, d))
-        blind = np.ones(d, bool)
-        blind[self.core.states] = False
-        scores = self.core.run(mean, covariance)
-        if blind.any():
-            self._part(blind, 0).run(mean, covariance)
+        d = len(self.mean)
+        mean, covariance = np.empty((self.steps, d)), np.zeros((self.steps, d, d))
+        scores = self._packed.run(mean, covariance)
+        if not self._seen.all():
+            _Packed.of(self, ~self._seen, 0).predict(mean, covariance)
         return Smoothed(**vars(scores), mean=mean, covariance=covariance)
 
-    def _part(self, wanted: Bools, rows: int) -> Core:
-        """Some of the states, none of which hangs together with the others, and the first ``rows`` measurements."""
-        states = np.flatnonzero(wanted)
-        square = np.ix_(states, states)
-        to, of = np.argwhere(self._moves[square]).T.copy()
-        row, column = np.argwhere(np.tril(self._shaken[square])).T.copy()
-        d, width = len(states), LANES * -(-max(len(states), 1) // LANES)
-        mean, covariance, design = np.zeros(width), np.zeros((width, width)), np.zeros((rows, width))
-        mean[:d], covariance[:d, :d] = self.mean[states], self.covariance[square]
-        design[:, :d] = self.design[:rows, states]
-        first_row = np.searchsorted(self.step[:rows], np.arange(len(self.transition) + 1)).astype(np.int64)
-        carried = np.ascontiguousarray(self.transition[:, states[to], states[of]])
-        shaken = np.ascontiguousarray(self.noise[:, states[row], states[column]])
-        lanes = Lanes(
-            (0,) * width, to, of, carried, row, column, shaken, mean, covariance, first_row, design,
-            self.value[:rows], self.variance[:rows],
-        )  # fmt: skip
-        return Core(states, len(wanted), lanes)
+    def scores(self, followed: int = -1) -> Scores:
+        """What ``smooth`` says of the model itself, in a third of its time; see ``Scores.carry_score``."""
+        return self._packed.run(np.empty((0, 0)), np.empty((0, 0, 0)), followed)
 
 
 @dataclass(frozen=True, eq=False)
-class Core:
-    """Some of the ``count`` states of a model, numbered ``states`` (d,), packed for the loops."""
+class _Packed:
+    """Some of a model's states, none of which hangs together with the others, as the loops take them.
 
-    states: Ints
-    count: int
+    ``carried`` and ``shaken``: which of the lanes' columns holds each entry of transitions and of the steps' noise.
+    """
+
+    carried: dict[tuple[int, int], int]
+    shaken: dict[tuple[int, int], int]
     lanes: Lanes
 
-    def at_levels(self, noise: Entries, transition: Entries, variance: Floats) -> Core:
-        """The same with other ``variance`` (m,), and with other entries of the steps' noise and of the transitions.
+    @classmethod
+    def of(cls, model: LinearModel, wanted: Bools, rows: int) -> _Packed:
+        """The states (d,) that are ``wanted``, with the first ``rows`` measurements."""
+        states = np.flatnonzero(wanted)
+        d, width = len(states), LANES * -(-max(len(states), 1) // LANES)
+        mean, covariance, design = np.zeros(width), np.zeros((width, width)), np.zeros((rows, width))
+        mean[:d], covariance[:d, :d] = model.mean[states], model.covariance[np.ix_(states, states)]
+        design[:, :d] = model.design[:rows, states]
+        carries, to, of, carried = _columns(model.transition, wanted, model.steps)
+        shakes, row, column, shaken = _columns(model.noise, wanted, model.steps)
+        first_row = np.searchsorted(model.step[:rows], np.arange(model.steps + 1)).astype(np.int64)
+        lanes = Lanes(
+            states, (0,) * width, to, of, carried, row, column, shaken, mean, covariance, first_row, design,
+            model.value[:rows], model.variance[:rows],
+        )  # fmt: skip
+        return cls(carries, shakes, lanes)
 
-        Only where such entries are not 0 in every step already.
-        """
-        shaken, carried = self.lanes.shaken.copy(), self.lanes.carried.copy()
-        for known, columns, entries in (
-            (self._names(self.lanes.row, self.lanes.column), shaken, noise),
-            (self._names(self.lanes.to, self.lanes.of), carried, transition),
-        ):
-            for name in entries.keys() & known.keys():
-                columns[:, known[name]] = entries[name]
-        return Core(
-            self.states, self.count, self.lanes._replace(shaken=shaken, carried=carried, variance=variance)
+    def at_levels(self, noise: Entries, transition: Entries, variance: Floats) -> _Packed:
+        """See ``LinearModel.at_levels``."""
+        carried, shaken = self.lanes.carried.copy(), self.lanes.shaken.copy()
+        for known, columns, entries in ((self.carried, carried, transition), (self.shaken, shaken, noise)):
+            for pair in entries.keys() & known.keys():
+                columns[:, known[pair]] = entries[pair]
+        return replace(self, lanes=self.lanes._replace(carried=carried, shaken=shaken, variance=variance))
+
+    def predict(self, mean: Floats, covariance: Floats) -> None:
+        """Fills ``mean`` and ``covariance`` by these states without measurements."""
+        none, width = np.empty(0), len(self.lanes.width)
+        run_forward(
+            self.lanes, 0, mean, covariance, none, none, np.empty((0, width)), np.empty((0, width + 1))
         )
-
-    def _names(self, rows: Ints, columns: Ints) -> dict[tuple[int, int], int]:
-        """The place of each entry, by its row and column."""
-        pairs = zip(self.states[rows].tolist(), self.states[columns].tolist(), strict=True)
-        return {name: k for k, name in enumerate(pairs)}
-
-    def scores(self, followed: int = -1) -> Scores:
-        """What ``smooth`` says of the model itself, in a fraction of its time; see ``Scores.carry_score``."""
-        return self.run(_NO_MEANS, _NO_COVARIANCES, followed)
 
     def run(self, mean: Floats, covariance: Floats, followed: int = -1) -> Scores:
         """Fills ``mean`` and ``covariance``, where they have room, by these states."""
-        lanes, d = self.lanes, len(self.states)
+        lanes, states = self.lanes, self.lanes.states
         n, w, m = len(lanes.carried), len(lanes.width), len(lanes.value)
-        kept = n if len(mean) else 0
-        own_mean, own_covariance = np.empty((kept, w)), np.empty((kept, w, w))
-        lane = int(np.searchsorted(self.states, followed))
-        steps = n if followed in self.states else 0
+        steps = n * (followed in states)
         innovation, scale, gain, before = np.empty(m), np.empty(m), np.empty((m, w)), np.empty((steps, w + 1))
-        likelihood = run_forward(lanes, lane, own_mean, own_covariance, innovation, scale, gain, before)
+        lane = int(np.searchsorted(states, followed))
+        likelihood = run_forward(lanes, lane, mean, covariance, innovation, scale, gain, before)
         residual, precision, pull = np.empty(m), np.empty(m), np.empty((n, w))
-        pull_precision, carry_pull = np.empty((n, len(lanes.row))), np.zeros((steps, w))
+        pull_precision, carry_pull = np.empty((n, len(lanes.row))), np.empty((steps, w))
         run_backward(
-            lanes, own_mean, own_covariance, innovation, scale, gain, before, residual, precision, pull,
+            lanes, mean, covariance, innovation, scale, gain, before, residual, precision, pull,
             pull_precision, carry_pull,
         )  # fmt: skip
-        if kept:
-            mean[:, self.states] = own_mean[:, :d]
-            covariance[:, self.states[:, None], self.states] = own_covariance[:, :d, :d]
-        names = self._names(lanes.row, lanes.column)
+        lane_of = {int(state): k for k, state in enumerate(states)}
         return Scores(
-            residual / precision, 1.0 / precision, self._spread(pull),
-            {name: pull_precision[:, k] for name, k in names.items()}, self._spread(carry_pull), float(likelihood),
+            residual / precision, 1.0 / precision, {state: pull[:, k] for state, k in lane_of.items()},
+            {pair: pull_precision[:, k] for pair, k in self.shaken.items()},
+            {(state, followed): carry_pull[:, k] for state, k in lane_of.items()} if steps else {},
+            float(likelihood),
         )  # fmt: skip
 
-    def _spread(self, lanes: Floats) -> Floats:
-        """Columns of all states, with zeros for those that are not here."""
-        out = np.zeros((len(lanes), self.count))
-        out[:, self.states] = lanes[:, : len(self.states)]
-        return out
+
+def _columns(
+    entries: Entries, wanted: Bools, steps: int
+) -> tuple[dict[tuple[int, int], int], Ints, Ints, Floats]:
+    """The place of each entry among those of the states that are ``wanted``, their lanes, and values (n, entries)."""
+    own = [pair for pair in entries if wanted[pair[0]]]
+    row, column = (np.cumsum(wanted) - 1)[np.array(own, np.int64).reshape(-1, 2)].T.copy()
+    values = np.array([entries[pair] for pair in own]).reshape(-1, steps)
+    return {pair: k for k, pair in enumerate(own)}, row, column, values.T.copy()
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
     """Of each measurement the ``residual`` (m,) that it has against an estimate made without it, with the
-    ``residual_variance`` it should have. ``pull`` (n, d) is the gradient of the log-likelihood by the states' change on
-    the way to a step, ``pull_precision`` its covariance: on the diagonal, and where the steps have noise.
-    ``carry_pull`` (n, d) is the gradient by the transitions' column that was followed.
+    ``residual_variance`` it should have. ``pull`` (n,) of each state that is seen is the gradient of the log-likelihood
+    by the state's change on the way to a step, ``pull_precision`` their covariance where the steps have noise.
+    ``carry_pull`` is the gradient by the transitions' column that was followed.
     """
 
     residual: Floats
     residual_variance: Floats
-    pull: Floats
+    pull: Mapping[int, Floats]
     pull_precision: Entries
-    carry_pull: Floats
+    carry_pull: Entries
     log_likelihood: float
 
     def break_score(self, state: int) -> Floats:
-        """How many sigmas speak for a sudden change of a state on the way to a step, (n,) (de Jong & Penzer 1998)."""
-        scale = np.sqrt(self.pull_precision.get((state, state), np.zeros(len(self.pull))))
-        return np.divide(self.pull[:, state], scale, out=np.zeros(len(scale)), where=scale > 0)
+        """How many sigmas speak for a sudden change of a state that the steps' noise changes anyway, on the way to a
+        step, (n,) (de Jong & Penzer 1998)."""
+        if state not in self.pull:
+            return np.zeros(1)
+        scale = np.sqrt(self.pull_precision[state, state])
+        return np.divide(self.pull[state], scale, out=np.zeros(len(scale)), where=scale > 0)
 
     def level_score(self, variance: Floats) -> Floats:
         """Of each measurement the derivative of the log-likelihood by the log of its ``variance``, (m,)."""
@@ -196,17 +194,17 @@ class Scores:
         """
         total = 0.0
         for (a, b), entry in derivative.items():
-            if (a, b) in self.pull_precision:
-                square = self.pull[1:, a] * self.pull[1:, b] - self.pull_precision[a, b][1:]
+            if a in self.pull:
+                square = self.pull[a][1:] * self.pull[b][1:] - self.pull_precision[a, b][1:]
                 total += (0.5 if a == b else 1.0) * float(square @ entry[1:])
         return total
 
-    def carry_score(self, derivative: Mapping[int, Floats]) -> float:
-        """... by a parameter, by which rows of the transitions' column that was followed have ``derivative``.
+    def carry_score(self, derivative: Entries) -> float:
+        """... by a parameter, by which the transitions have ``derivative`` in the column that was followed.
 
         The trace of (r x' - N T P) dT', with the smoothed state x and the covariance P of the filter a step before.
         """
-        return float(sum(self.carry_pull[1:, a] @ entry[1:] for a, entry in derivative.items()))
+        return float(sum(self.carry_pull[pair][1:] @ entry[1:] for pair, entry in derivative.items()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -159,11 +159,11 @@ def grade_noise(spacing_m: ArrayLike, grade_length_m: ArrayLike) -> tuple[Floats
     x = np.where(near, 1.0, share)
     a = np.exp(-x)
     height = np.where(
-        near, 1 / 3 - share / 4 + 7 * share**2 / 60, (x - 2 * (1 - a) + 0.5 * (1 - a**2)) / x**3
+        near, 1 / 3 - share / 4 + 7 * share**2 / 60, (x - 2 * (1 - a) + 0.5 * (1 - a**2)) / (x * x * x)
     )
     both = np.where(near, 0.5 - share / 2 + 7 * share**2 / 24, 0.5 * ((1 - a) / x) ** 2)
     grade = np.where(near, 1 - share + 2 * share**2 / 3, 0.5 * (1 - a**2) / x)
-    return height * d**3, both * d**2, grade * d
+    return height * (d * d * d), both * d**2, grade * d  # a power of 3 takes as long as all the rest
 
 
 def grade_carried(spacing_m: ArrayLike, grade_length_m: ArrayLike) -> tuple[Floats, Floats]:

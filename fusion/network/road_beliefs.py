@@ -177,11 +177,12 @@ class Places:
         self.share = sparse.csr_matrix(
             (np.concatenate(share), (row, number)), (len(network), number.max() + 1)
         )
+        self._turned = self.share.T
 
     def sums(self, rows: Ints, values: Floats | float = 1.0) -> Floats:
         """Values (m,) at ``rows`` (m,) added up in each place (c,), by share."""
         weights = np.broadcast_to(np.asarray(values, float), rows.shape)
-        return np.asarray(self.share.T @ np.bincount(rows, weights, minlength=self.share.shape[0]))
+        return np.asarray(self._turned @ np.bincount(rows, weights, minlength=self.share.shape[0]))
 
     def at_rows(self, values: Floats) -> Floats:
         """What places (c,) have, at each segment (n,)."""

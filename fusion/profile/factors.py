@@ -204,15 +204,13 @@ def pass_factors(drive: SmoothedDrive, fix: GnssFix) -> list[PassFactor]:
     data = on_traversals(drive, *place_sigma(path, fix))
     walk = (learned.expected.drift, learned.expected.baro_drift)
     summed = likelihoods(data, path, walk, _times_of(drive, DRIFT))
-    mount = _mount(path, _times_of(drive, MOUNT))
+    mount, place, instants = _mount(path, _times_of(drive, MOUNT)), _place(path), _instants(data)
     grade_length_m = learned.noise.grade_length_m if knows_lengths(drive.measured) else 0.0
-    length, scale = segment_lengths(path)
-    match, factors, place = path.match, [], _place(path)
+    (length, scale), match, factors = segment_lengths(path), path.match, []
     for k in np.flatnonzero(_usable(path)).tolist():
         information, vector, square = summed[k]
         weight = float(match.confidence[k])
         low, high = sorted((float(match.enter_m[k] * scale[k]), float(match.leave_m[k] * scale[k])))
-        rows = slice(int(data.first[k]), int(data.first[k + 1]))
         factors.append(
             PassFactor(
                 segment=int(match.segment[k]),
@@ -221,12 +219,12 @@ def pass_factors(drive: SmoothedDrive, fix: GnssFix) -> list[PassFactor]:
                 information=weight * information,
                 vector=weight * vector,
                 square=weight * square,
-                rows=rows.stop - rows.start,
+                rows=int(data.first[k + 1] - data.first[k]),
                 walk_m2_per_s=walk,
                 start_m=low,
                 end_m=min(high, float(length[k])),
                 roughness=learned.expected.roughness,
-                observations=_instants(data, rows),
+                observations=int(instants[k]),
                 first_time_s=float(match.enter_time_s[k]),
                 last_time_s=float(match.leave_time_s[k]),
                 place=int(place[k]),
@@ -295,7 +293,8 @@ def _mount(path: DrivenPath, moved_s: Floats) -> Ints:
     return np.where(during, own, number).astype(np.int64)
 
 
-def _instants(data: OnTraversals, rows: slice) -> int:
-    """Instants at which anything was measured; at least 1, since measurements around a short segment count as well."""
-    time_s = np.sort(data.time_s[rows])
-    return 1 + int(np.count_nonzero(np.diff(time_s) > _SAME_INSTANT_S)) if len(time_s) else 1
+def _instants(data: OnTraversals) -> Ints:
+    """Instants of each traversal (n,) at which anything was measured; 1 where only around it, which counts as well."""
+    passed = np.concatenate([[0], np.cumsum(np.diff(data.time_s) > _SAME_INSTANT_S)])
+    begin, end = (np.clip(v, 0, len(passed) - 1) for v in (data.first[:-1], data.first[1:] - 1))
+    return np.asarray(1 + np.maximum(passed[end] - passed[begin], 0))

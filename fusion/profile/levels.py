@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from fusion.filters.smoother import Core, Entries, Scores
+from fusion.filters.smoother import Entries, LinearModel, Scores
 from fusion.network.curve import RANDOM_WALK_M
 from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, SENSORS, Measurements
 from fusion.profile.model import (
@@ -72,11 +72,11 @@ def gaussian_variance(measured: Measurements, noise: Noise) -> Floats:
 
 
 def expected_levels(
-    measured: Measurements, epochs: SmootherEpochs, noise: Noise, weight: Floats
+    measured: Measurements, model: LinearModel, noise: Noise, weight: Floats
 ) -> tuple[Noise, Floats]:
     """One step of EM on the white levels alone, and new weights (m,): rough, but it gets away from any start."""
     variance = white_variance(measured, noise) / weight
-    smoothed = linear_model(measured, epochs, noise, variance).core.scores()
+    smoothed = model.at_levels({}, {}, variance).scores()
     second = _second_moment(smoothed, variance) * weight / variance_unit(measured)
     levels = {
         name: float(np.sqrt(np.mean(second[measured.sensor == sensor])))
@@ -101,9 +101,8 @@ def normalised_square(smoothed: Scores, variance: Floats, usual: Floats) -> Floa
     The expected square comes from the ``usual`` variance. The present variance holds the robust weight: with it,
     weights would come and go from round to round.
     """
-    without = np.maximum(
-        smoothed.residual_variance - variance, 0.0
-    )  # of tiny weights rounding leaves anything
+    # Of tiny weights rounding leaves anything.
+    without = np.maximum(smoothed.residual_variance - variance, 0.0)
     return np.asarray(smoothed.residual**2 / (without + usual))
 
 
@@ -185,7 +184,7 @@ def knows_lengths(measured: Measurements) -> bool:
     The error of a height that walks in time looks like a road whose grade has a short length; so do bursts of bad
     Doppler, and so do springs. It takes both kinds of grades to tell them apart.
     """
-    return bool((measured.sensor == DOPPLER).any() and np.isin(measured.sensor, (PITCH, FORCE)).any())
+    return bool((measured.sensor == DOPPLER).any() and measured.of(PITCH, FORCE).any())
 
 
 def _learned(measured: Measurements) -> tuple[dict[int, str], list[str]]:
@@ -203,18 +202,17 @@ class _Likelihood:
     """The likelihood of a drive's levels, with all that stays as it is while they are sought.
 
     ``white`` are the white levels, by sensor. ``unit`` and ``misalignment`` (m,): parts of the variances, with weights;
-    ``fixed``: of the entries of the steps' noise what is not learned; ``parts``: what is, at the levels ``noise``.
+    ``fixed``: of the steps' noise what is not learned, at the entries that the ``rates`` change.
     """
 
     measured: Measurements
     white: dict[int, str]
-    noise: Noise
     unit: Floats
     misalignment: Floats
     epochs: SmootherEpochs
-    core: Core
+    model: LinearModel
     fixed: Entries
-    parts: dict[str, Entries]
+    rates: list[str]
 
     @classmethod
     def about(
@@ -222,30 +220,27 @@ class _Likelihood:
     ) -> _Likelihood:
         """Near the levels ``noise``."""
         white, rates = _learned(measured)
-        unit, misalignment = (
-            ROBUST_INFORMATION_LOSS * v / weight
-            for v in (variance_unit(measured), misalignment_variance(measured))
-        )
-        core = linear_model(measured, epochs, noise, unit, jumps).core
+        lost = ROBUST_INFORMATION_LOSS / weight
+        unit, misalignment = lost * variance_unit(measured), lost * misalignment_variance(measured)
+        model = linear_model(measured, epochs, noise, unit, jumps)
         others = steps_noise(epochs, noise, jumps, [name for name in RATES if name not in rates])
-        parts = {name: step_noise(epochs, noise, name) for name in rates}
-        fixed = {(a, b): others[:, a, b].copy() for part in parts.values() for a, b in part}
-        return cls(measured, white, noise, unit, misalignment, epochs, core, fixed, parts)
+        fixed = {p: others.get(p, np.zeros(1)) for name in rates for p in step_noise(epochs, noise, name)}
+        return cls(measured, white, unit, misalignment, epochs, model, fixed, rates)
 
     @property
     def names(self) -> list[str]:
         """The levels: white ones, then rates, and last the grade's length where the drive may learn it."""
-        return [*self.white.values(), *self.parts, *["grade_length_m"][: knows_lengths(self.measured)]]
+        return [*self.white.values(), *self.rates, *["grade_length_m"][: knows_lengths(self.measured)]]
 
     def at(self, noise: Noise) -> tuple[float, Floats]:
         """The log-likelihood, and its derivatives by the logs of the levels, in the order of ``names``."""
         sensor, length = self.measured.sensor, noise.grade_length_m
         variance = white_level(sensor, noise) ** 2 * self.unit + self.misalignment
-        parts = self._parts(noise)
+        parts = {name: step_noise(self.epochs, noise, name) for name in self.rates}
         total = {entry: self.fixed[entry] + value for part in parts.values() for entry, value in part.items()}
         carried = grades_carried(self.epochs, length)
         learns_length = knows_lengths(self.measured)
-        scores = self.core.at_levels(total, carried, variance).scores(GRADE if learns_length else -1)
+        scores = self.model.at_levels(total, carried, variance).scores(GRADE if learns_length else -1)
         white = scores.level_score(variance) * (1 - self.misalignment / variance)
         by_sensor = np.bincount(sensor, white, len(SENSORS))
         slopes = [2 * float(by_sensor[code]) for code in self.white]
@@ -254,20 +249,8 @@ class _Likelihood:
             longer = noise.with_(grade_length_m=length * float(np.exp(_LENGTH_STEP)))
             noisier = _change(parts["roughness"], step_noise(self.epochs, longer, "roughness"))
             farther = _change(carried, grades_carried(self.epochs, longer.grade_length_m))
-            slopes.append(
-                scores.noise_score(noisier) + scores.carry_score({a: v for (a, _), v in farther.items()})
-            )
+            slopes.append(scores.noise_score(noisier) + scores.carry_score(farther))
         return scores.log_likelihood, np.array(slopes)
-
-    def _parts(self, noise: Noise) -> dict[str, Entries]:
-        """``parts`` at other levels."""
-        parts: dict[str, Entries] = {}
-        for name, part in self.parts.items():
-            factor = (getattr(noise, name) / getattr(self.noise, name)) ** _power(name)
-            parts[name] = {entry: factor * value for entry, value in part.items()}
-        if noise.grade_length_m != self.noise.grade_length_m:
-            parts["roughness"] = step_noise(self.epochs, noise, "roughness")
-        return parts
 
 
 def _change(here: Entries, longer: Entries) -> Entries:

@@ -59,6 +59,12 @@ class Measurements(ColumnTable):
     acceleration_mps2: Floats
     turn: Floats
 
+    def of(self, *sensors: int) -> Bools:
+        """Which are of any of these sensors, (m,)."""
+        wanted = np.zeros(len(SENSORS), bool)
+        wanted[list(sensors)] = True
+        return wanted[self.sensor]
+
 
 def build_measurements(
     log: DriveLog,

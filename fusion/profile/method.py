@@ -19,13 +19,7 @@ from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.profile.factors import pass_factors
 from fusion.profile.inertia import Inertia, set_right
-from fusion.profile.measurements import (
-    ALTITUDE,
-    FORCE,
-    PITCH,
-    SENSORS,
-    build_measurements,
-)
+from fusion.profile.measurements import ALTITUDE, FORCE, PITCH, SENSORS, Measurements, build_measurements
 from fusion.profile.model import build_smoother_epochs
 from fusion.profile.noise import learn
 from fusion.profile.path import DrivenPath, find_path
@@ -116,11 +110,7 @@ class ProfileMethod:
             )
         progress("smooth", 0.3)
         raw = _PreparedDrive.of(log, path, options.sensors())
-        drive = _smooth(raw, dem, options, Altimeter())
-        late = _altimeter(log, drive)
-        usual = None if tells_drift(drive.measured) else _USUAL_DRIFT[late.sensor >= 0]
-        if late.sensor >= 0 or usual:
-            drive = _smooth(raw, dem, options, late, usual)
+        drive, late, usual = _learned(raw, dem, options)
         progress("factors", 0.7)
         factors = tuple(pass_factors(drive, log.fix))
         terrain = dem if options.dem else None
@@ -130,26 +120,39 @@ class ProfileMethod:
         drawn = drawn_measurements(drive)
 
         def late_by(lag_s: float) -> tuple[PassFactor, ...]:
-            again = _smooth(raw, dem, options, Altimeter(late.sensor, lag_s), usual)
-            return tuple(pass_factors(again, log.fix))
+            then = Altimeter(late.sensor, lag_s)
+            return tuple(pass_factors(_smooth(raw, _measure(raw, dem, options, then), then, usual), log.fix))
 
         return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
 
 
-def _altimeter(log: DriveLog, drive: SmoothedDrive) -> Altimeter:
-    """Whether the heights are an altimeter's, whose filter makes them late: such heights err like a barometer.
+def _learned(
+    raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions
+) -> tuple[SmoothedDrive, Altimeter, UsualDrift | None]:
+    """The smoothed drive, whether its heights are an altimeter's, whose filter makes them late, and the usual drift.
 
-    A drift as slow as an altimeter's shows it; a short or noisy drive does not, and is taken for a receiver's.
-
-    Two kinds of heights are not late. One is a receiver's own fix: it states its accuracy, or is above the ellipsoid,
-    which no altimeter knows. The other is made of pressure, which is a sensor's own sample.
+    An altimeter's heights err like a barometer: steps of a computer or a drift as slow as that show it. A short or
+    noisy drive shows no drift, and is taken for a receiver's. Only to see the drift, a drive is learned from twice.
     """
-    sensors = drive.measured.sensor
+    measured, drive, late = _measure(raw, dem, options, Altimeter()), None, Altimeter()
+    if _may_be_late(raw.log, measured):
+        late = Altimeter(ALTITUDE, USUAL_LAG_S)
+        if not _in_steps(raw.log.fix.alt_msl_m):
+            drive = _smooth(raw, measured, Altimeter())
+            late = late if drive.learned.noise.drift < ALTIMETER_DRIFT.rate else Altimeter()
+    usual = None if tells_drift(measured) else _USUAL_DRIFT[late.sensor >= 0]
+    if late.sensor >= 0:
+        drive = _smooth(raw, _measure(raw, dem, options, late), late, usual)
+    elif usual or drive is None:
+        drive = _smooth(raw, measured, late, usual)
+    return drive, late, usual
+
+
+def _may_be_late(log: DriveLog, measured: Measurements) -> bool:
+    """Whether heights may be an altimeter's. A receiver's own fix is not: it states its accuracy, or is above the
+    ellipsoid, which no altimeter knows. Nor is what is made of pressure, which is a sensor's own sample."""
     own = log.fix.has("v_acc_m") or log.fix.has("height_ell_m")
-    steady = drive.learned.noise.drift < ALTIMETER_DRIFT.rate
-    if (sensors == ALTITUDE).any() and not own and (steady or _in_steps(log.fix.alt_msl_m)):
-        return Altimeter(ALTITUDE, USUAL_LAG_S)
-    return Altimeter()
+    return bool((measured.sensor == ALTITUDE).any() and not own)
 
 
 def _in_steps(height_m: Floats) -> bool:
@@ -160,19 +163,21 @@ def _in_steps(height_m: Floats) -> bool:
     return len(known) > 0 and bool(np.mean(off) < 0.01 and np.mean(on_grid) < 0.5)
 
 
-def _smooth(
-    raw: _PreparedDrive,
-    dem: Dem | None,
-    options: ProfileOptions,
-    altimeter: Altimeter,
-    usual_drift: UsualDrift | None = None,
-) -> SmoothedDrive:
+def _measure(
+    raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions, altimeter: Altimeter
+) -> Measurements:
     measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s)
     if len(measured) < MIN_MEASUREMENTS:
         raise MissingSensorError(
             f"Method 'profile' found {len(measured)} usable measurement(s) of height or grade on roads (used: "
             f"{', '.join(SENSORS)}). Record altitudes, Doppler velocity, attitude or pressure, while driving."
         )
+    return measured
+
+
+def _smooth(
+    raw: _PreparedDrive, measured: Measurements, altimeter: Altimeter, usual_drift: UsualDrift | None = None
+) -> SmoothedDrive:
     epochs = build_smoother_epochs(measured, raw.path)
     by_satellites = not _in_steps(raw.log.fix.alt_msl_m)
     learned = learn(measured, epochs, prior_of(measured, usual_drift), by_satellites=by_satellites)

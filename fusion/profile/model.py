@@ -95,7 +95,7 @@ def variance_unit(measured: Measurements) -> Floats:
 
     A crawling vehicle heaves on its springs, above all when it pulls away, and its attitude sensor has not settled.
     """
-    springs = np.isin(measured.sensor, (PITCH, FORCE))
+    springs = measured.of(PITCH, FORCE)
     slow = 1 + (SLOW_MPS / np.maximum(measured.speed_mps, 0.1)) ** 2
     return np.where(measured.sensor == DOPPLER, measured.stated_sigma**2, np.where(springs, slow, 1.0))
 
@@ -108,7 +108,7 @@ def white_level(sensor: Ints, noise: Noise) -> Floats:
 
 def misalignment_variance(measured: Measurements) -> Floats:
     """Variance of grades while a vehicle is not in line with the road, shape (m,); 0 for heights."""
-    slope = np.isin(measured.sensor, (DOPPLER, PITCH, FORCE))
+    slope = measured.of(DOPPLER, PITCH, FORCE)
     return np.where(slope, (MISALIGNMENT_SIGMA * measured.turn) ** 2, 0.0)
 
 
@@ -146,14 +146,14 @@ def design(measured: Measurements, share: Floats) -> Floats:
     """Rows (m, STATES) of what each measurement sees; ``share`` (m,) is that of ``decorrelated``."""
     out = np.zeros((len(measured), STATES))
     sensor = measured.sensor
-    heights = np.isin(sensor, (ALTITUDE, BARO, TERRAIN))
+    heights = measured.of(ALTITUDE, BARO, TERRAIN)
     out[heights, HEIGHT] = 1.0
     out[sensor == ALTITUDE, DRIFT] = 1.0
     out[np.ix_(sensor == BARO, (BARO_DRIFT, GUST))] = 1.0
     out[:, SPEED_PRESSURE] = np.where(sensor == BARO, -speed_head(measured.speed_mps), 0.0)
     out[sensor == TERRAIN, DEM_ERROR] = 1.0
     out[~heights, GRADE] = 1.0 - share[~heights]
-    felt = np.isin(sensor, (PITCH, FORCE))
+    felt = measured.of(PITCH, FORCE)
     out[felt, MOUNT] = out[felt, WANDER] = 1.0 - share[felt]
     # The specific force has the same acceleration taken off, with the same error, and would teach a wrong squat. So it
     # sees only the squat of the pitch that is taken off it.
@@ -222,21 +222,22 @@ def step_noise(epochs: SmootherEpochs, noise: Noise, name: str) -> Entries:
 
 def steps_noise(
     epochs: SmootherEpochs, noise: Noise, jumps: Jumps = (), rates: Collection[str] = RATES
-) -> Floats:
-    """The noise of all steps (n, STATES, STATES), with sudden changes at ``jumps`` and of some ``rates``."""
+) -> dict[tuple[int, int], Floats]:
+    """The noise of all steps, with sudden changes at ``jumps`` and of some ``rates``."""
     dt, ds = epochs.steps
-    q = np.zeros((len(dt), STATES, STATES))
+    q = {
+        (HEIGHT, HEIGHT): np.where(epochs.fresh, _NEW_RUN[0], 0.0),
+        (GRADE, GRADE): epochs.grade_change_variance + np.where(epochs.fresh, _NEW_RUN[1], 0.0),
+        (DRIFT, DRIFT): np.zeros(len(dt)),
+        (MOUNT, MOUNT): _MOUNT_WALK * dt,
+        (GUST, GUST): noise.gust_m**2 * (1 - np.exp(-2 * dt / GUST_TAU_S)),
+        (DEM_ERROR, DEM_ERROR): noise.dem_m**2 * (1 - np.exp(-2 * ds / DEM_LENGTH_M)),
+    }
     for name in rates:
-        for (a, b), entry in step_noise(epochs, noise, name).items():
-            q[:, a, b] += entry
-            q[:, b, a] = q[:, a, b]
-    q[:, HEIGHT, HEIGHT] += np.where(epochs.fresh, _NEW_RUN[0], 0.0)
-    q[:, GRADE, GRADE] += epochs.grade_change_variance + np.where(epochs.fresh, _NEW_RUN[1], 0.0)
-    q[:, MOUNT, MOUNT] = _MOUNT_WALK * dt
-    q[:, GUST, GUST] = noise.gust_m**2 * (1 - np.exp(-2 * dt / GUST_TAU_S))
+        for pair, entry in step_noise(epochs, noise, name).items():
+            q[pair] = q.get(pair, 0.0) + entry
     for k, state in jumps:
-        q[k, state, state] += JUMP_SIGMA[state] ** 2
-    q[:, DEM_ERROR, DEM_ERROR] = noise.dem_m**2 * (1 - np.exp(-2 * ds / DEM_LENGTH_M))
+        q[state, state][k] += JUMP_SIGMA[state] ** 2
     return q
 
 
@@ -244,15 +245,13 @@ def linear_model(
     measured: Measurements, epochs: SmootherEpochs, noise: Noise, variance: Floats, jumps: Jumps = ()
 ) -> LinearModel:
     """The model for the filter, with the ``variance`` of each measurement (m,) and sudden changes at ``jumps``."""
-    n = len(epochs.time_s)
     dt, ds = epochs.steps
-    transition = np.broadcast_to(np.eye(STATES), (n, STATES, STATES)).copy()
-    for (a, b), entry in grades_carried(epochs, noise.grade_length_m).items():
-        transition[:, a, b] = entry
-    transition[:, DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
-    transition[:, WANDER, WANDER] = np.exp(-dt / WANDER_TAU_S)
-    transition[:, GUST, GUST] = np.exp(-dt / GUST_TAU_S)
-    transition[:, DEM_ERROR, DEM_ERROR] = np.exp(-ds / DEM_LENGTH_M)
+    transition = {(state, state): np.ones(len(dt)) for state in range(STATES)}
+    transition |= grades_carried(epochs, noise.grade_length_m)
+    transition[DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
+    transition[WANDER, WANDER] = np.exp(-dt / WANDER_TAU_S)
+    transition[GUST, GUST] = np.exp(-dt / GUST_TAU_S)
+    transition[DEM_ERROR, DEM_ERROR] = np.exp(-ds / DEM_LENGTH_M)
     clean, share = decorrelated(measured, noise)
     mean = np.zeros(STATES)
     heights = measured.value[(measured.sensor == ALTITUDE) | (measured.sensor == TERRAIN)]
@@ -261,12 +260,12 @@ def linear_model(
     if len(pressed):
         mean[BARO_DRIFT] = float(np.median(pressed[:50])) - mean[HEIGHT]
     return LinearModel(
-        transition, steps_noise(epochs, noise, jumps), mean, np.diag(np.square(_START_SIGMA)), epochs.of_measurement,
-        design(measured, share), clean.value, variance,
+        len(dt), transition, steps_noise(epochs, noise, jumps), mean, np.diag(np.square(_START_SIGMA)),
+        epochs.of_measurement, design(measured, share), clean.value, variance,
     )  # fmt: skip
 
 
-def grades_carried(epochs: SmootherEpochs, grade_length_m: float) -> Entries:
+def grades_carried(epochs: SmootherEpochs, grade_length_m: float) -> dict[tuple[int, int], Floats]:
     """What lets heights follow the grades, and these go back to level, in transitions."""
     run, left = grade_carried(epochs.steps[1], grade_length_m)
     return {(HEIGHT, GRADE): np.where(epochs.fresh, 0.0, run), (GRADE, GRADE): left}

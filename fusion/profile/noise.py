@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaln
 
-from fusion.filters.smoother import Smoothed
+from fusion.filters.smoother import LinearModel, Scores, Smoothed
 from fusion.profile.blocks import spaced
 from fusion.profile.levels import (
     LEAST_HEIGHT_M,
@@ -77,7 +77,7 @@ class Learned:
 
     ``noise`` are the most likely levels. ``expected`` are the levels of the expected variances; everything else here
     rests on these. ``variance`` (m,) is each measurement's with its robust weight, ``outlier`` (m,) says which are far
-    off, ``jumps`` are the sudden changes found, and ``smoothed`` is the drive.
+    off, ``jumps`` are the sudden changes found, and ``smoothed`` is the drive by the ``model`` of all this.
     """
 
     noise: Noise
@@ -85,6 +85,7 @@ class Learned:
     variance: Floats
     outlier: Bools
     jumps: Jumps
+    model: LinearModel
     smoothed: Smoothed
 
 
@@ -100,40 +101,44 @@ def learn(
     if filtered:
         noise = most_likely(*chosen, noise, prior, robust[used], jumps)
         variance = gaussian_variance(measured, noise) * repeated / robust
-        smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+        smoothed = linear_model(measured, epochs, noise, variance, jumps).scores()
     likely = expected(noise, log_sigmas(*chosen, noise, prior, robust[used], jumps))
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
     weight = np.where(_muted(measured), 1.0, _tail_weights(measured, square) * _outlier_factor(square))
     variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
-    smoothed = linear_model(measured, epochs, likely, variance, jumps).smooth()
+    model = linear_model(measured, epochs, likely, variance, jumps)
+    smoothed = model.smooth()
     outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
-    return Learned(noise, likely, variance, outlier, jumps, smoothed)
+    return Learned(noise, likely, variance, outlier, jumps, model, smoothed)
 
 
 def _levels(
     measured: Measurements, epochs: SmootherEpochs, prior: Prior
-) -> tuple[Noise, Jumps, Floats, Smoothed, Floats]:
-    """Levels, sudden changes, variances, the smoothed drive and new weights, found in rounds.
+) -> tuple[Noise, Jumps, Floats, Scores, Floats]:
+    """Levels, sudden changes, variances, what the smoother says by them, and new weights, found in rounds.
 
-    The variances, by which the drive is smoothed, are those of the last levels but one. The elevation model has no say
-    where anything else is known: its errors would pass for the road's shape.
+    The variances are those of the last levels but one. The elevation model has no say where anything else is known: its
+    errors would pass for the road's shape.
     """
     jumps: Jumps = ()
     paired = bool(np.any(pitch_partner(measured) >= 0))
     counts = np.where(_muted(measured), _MUTED_WEIGHT, 1.0)
     noise, weight = prior.noise.with_(shared=SHARED_START if paired else 0.0), counts
+    model = linear_model(measured, epochs, noise, weight)
     for _ in range(FIRST_ROUNDS):
-        noise, weight = expected_levels(measured, epochs, noise, weight)
+        noise, weight = expected_levels(measured, model, noise, weight)
         weight = weight * counts
     for _ in range(ROUNDS):
         noise = most_likely(measured, epochs, noise, prior, weight, jumps)
         usual = gaussian_variance(measured, noise)
         variance = usual / weight
-        smoothed = linear_model(measured, epochs, noise, variance, jumps).smooth()
+        model = linear_model(measured, epochs, noise, variance, jumps)
+        smoothed = model.smooth() if paired else model.scores()
         jumps = _with_jump(epochs, smoothed, jumps)
-        noise = noise.with_(**_shared(measured, epochs, noise, smoothed, variance))
+        if isinstance(smoothed, Smoothed):
+            noise = noise.with_(**_shared(measured, epochs, noise, smoothed, variance))
         square = np.maximum(normalised_square(smoothed, variance, usual), 1e-9)
         weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _outlier_factor(square) * counts
     return noise, jumps, variance, smoothed, weight
@@ -190,7 +195,7 @@ def _outlier_factor(square: Floats) -> Floats:
     return np.asarray(np.minimum(1.0, (OUTLIER_SIGMAS**2 / np.maximum(square, 1e-9)) ** 2))
 
 
-def _with_jump(epochs: SmootherEpochs, smoothed: Smoothed, jumps: Jumps) -> Jumps:
+def _with_jump(epochs: SmootherEpochs, smoothed: Scores, jumps: Jumps) -> Jumps:
     """The sudden changes known so far, and for each kind of state the clearest further one."""
     extended = list(jumps)
     for state in JUMP_SIGMA:
@@ -226,7 +231,7 @@ def _shared(
     return {"shared": float(np.clip(noise.shared + left, 0.0, 0.9))}
 
 
-def _correlation_inflation(measured: Measurements, smoothed: Smoothed, variance: Floats) -> Floats:
+def _correlation_inflation(measured: Measurements, smoothed: Scores, variance: Floats) -> Floats:
     """Factor on the variance of sensors whose neighbouring errors repeat: (1 + r) / (1 - r) of lag one, at least 1."""
     out = np.ones(len(measured))
     error = smoothed.residual / smoothed.residual_variance * np.sqrt(variance)

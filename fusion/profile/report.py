@@ -41,7 +41,6 @@ from fusion.profile.model import (
     SPEED_PRESSURE,
     SQUAT,
     SmootherEpochs,
-    linear_model,
 )
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath, ground_speed
@@ -140,8 +139,8 @@ def drawn_measurements(drive: SmoothedDrive) -> DrawnMeasurements:
     The drift of GNSS heights and the error of the DEM stay in: a picture shows what the receiver said.
     """
     measured, mean = drive.measured, drive.learned.smoothed.mean[drive.epochs.of_measurement]
-    heights = np.isin(measured.sensor, (ALTITUDE, BARO, TERRAIN))
-    felt = np.isin(measured.sensor, (PITCH, FORCE))
+    heights = measured.of(ALTITUDE, BARO, TERRAIN)
+    felt = measured.of(PITCH, FORCE)
     shared = mean[:, MOUNT] + mean[:, SQUAT] * measured.acceleration_mps2
     shared = shared + np.where(measured.sensor == FORCE, mean[:, BIAS], 0.0)
     level = np.where(measured.sensor == BARO, mean[:, BARO_DRIFT], 0.0)
@@ -196,7 +195,7 @@ def drive_report(
 
 def _mount(drive: SmoothedDrive) -> dict[str, Any] | None:
     """Mount pitch at the end of the drive, and when it changed; None without pitch and specific force."""
-    if not np.isin(drive.measured.sensor, (PITCH, FORCE)).any():
+    if not drive.measured.of(PITCH, FORCE).any():
         return None
     learned, smoothed = drive.learned, drive.learned.smoothed
     grade = smoothed.mean[-1, MOUNT]
@@ -218,7 +217,7 @@ def _inertia(inertia: Inertia | None, measured: Measurements) -> dict[str, Any] 
 
     What was set right, which is 0 where it is not clear, and what was found (None where nothing shows it).
     """
-    if inertia is None or not np.isin(measured.sensor, (PITCH, FORCE)).any():
+    if inertia is None or not measured.of(PITCH, FORCE).any():
         return None
     return {
         "imu_lag_s": inertia.lag_s,
@@ -244,9 +243,9 @@ def _found(estimate: Estimate, unit: float = 1.0) -> dict[str, float] | None:
 
 def _without(drive: SmoothedDrive, sensor: int) -> Smoothed:
     """The drive without a sensor: as if its errors were beyond all measure. The epochs stay the same."""
-    measured, learned = drive.measured, drive.learned
-    variance = np.where(measured.sensor == sensor, 1e12, learned.variance)
-    return linear_model(measured, drive.epochs, learned.expected, variance, learned.jumps).smooth()
+    learned = drive.learned
+    variance = np.where(drive.measured.sensor == sensor, 1e12, learned.variance)
+    return learned.model.at_levels({}, {}, variance).smooth()
 
 
 def _contributions(
@@ -268,7 +267,7 @@ def _contributions(
 def _elevation_model(drive: SmoothedDrive, without: Smoothed | None) -> list[str]:
     """Where the elevation model stands out, by the drive's own heights; nothing where it has none."""
     path, measured = drive.path, drive.measured
-    if without is None or not np.isin(measured.sensor, (ALTITUDE, BARO)).any():
+    if without is None or not measured.of(ALTITUDE, BARO).any():
         return []
     mine = np.flatnonzero(measured.sensor == TERRAIN)
     above = measured.value[mine] - without.mean[drive.epochs.of_measurement[mine], HEIGHT]

@@ -87,7 +87,7 @@ def on_traversals(drive: SmoothedDrive, place_sigma_m: Floats, common_place_m: F
     sensor, traversal, share = measured.sensor[keep], traversal[keep], beyond[keep]
     length, scale = segment_lengths(path)
     length, distance = length[traversal], distance[keep] * scale[traversal]
-    is_height = np.isin(sensor, (ALTITUDE, BARO))
+    is_height = measured.of(ALTITUDE, BARO)[keep]
     forward = np.where(path.match.forward[traversal], 1.0, -1.0)
     variable, height = height_weights(distance, length)
     _, grade = grade_weights(distance, length)

@@ -67,8 +67,11 @@ def test_the_smoother_ends_where_the_filter_ends() -> None:
     """And the innovations on the way have the likelihood that the smoother reports."""
     start = kalman.predict(np.zeros(4), 10.0 * np.eye(4), TRANSITION, PROCESS)
     model = LinearModel(
-        transition=np.repeat(TRANSITION[None], STEPS, axis=0),
-        noise=np.repeat(PROCESS[None], STEPS, axis=0),
+        steps=STEPS,
+        transition={pair: np.full(STEPS, TRANSITION[pair]) for pair in np.ndindex(4, 4) if TRANSITION[pair]},
+        noise={
+            (a, b): np.full(STEPS, PROCESS[a, b]) for a in range(4) for b in range(a + 1) if PROCESS[a, b]
+        },
         mean=start[0],
         covariance=start[1],
         step=np.repeat(np.arange(STEPS), 3),

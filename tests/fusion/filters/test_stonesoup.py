@@ -109,8 +109,11 @@ def test_the_smoother() -> None:
     variance, axes = np.linalg.eigh(NOISE)
     start = kalman.predict(FIRST, FIRST_COVARIANCE, transition, process)
     model = LinearModel(
-        transition=np.repeat(transition[None], STEPS, axis=0),
-        noise=np.repeat(process[None], STEPS, axis=0),
+        steps=STEPS,
+        transition={pair: np.full(STEPS, transition[pair]) for pair in np.ndindex(transition.shape)},
+        noise={
+            pair: np.full(STEPS, process[pair]) for pair in np.ndindex(process.shape) if pair[0] >= pair[1]
+        },
         mean=start[0],
         covariance=start[1],
         step=np.repeat(np.arange(STEPS), 2),
