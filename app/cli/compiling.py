@@ -24,6 +24,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from pydantic import BaseModel
 
@@ -31,8 +32,10 @@ import fusion
 from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.compiled import cache_folder
 from fusion.errors import FusionError
+from fusion.filters.smoother import LANES, LinearModel
 from fusion.formats import read_log, read_logs
 from fusion.pipeline import parse_options, positions_of, run_drive
+from fusion.profile.model import STATES
 from fusion.published.canyon.drive import canyon_of
 from fusion.registry import DEFAULT_METHOD
 from fusion.results import solve
@@ -176,7 +179,14 @@ def _first_steps(scene: Scene) -> Iterator[Step]:
         drives = [run_drive(log, scene.roads, scene.dem) for log in scene.logs]
         solve(drives, scene.roads, scene.dem, gaps=True)
 
+    def smooth() -> None:
+        for states in range(1, STATES + 1, LANES):
+            one = {(state, state): np.ones(2) for state in range(states)}
+            start, seen = (np.zeros(states), np.eye(states)), (np.zeros(1, np.int64), np.ones((1, states)))
+            LinearModel(2, one, one, *start, *seen, np.zeros(1), np.ones(1)).smooth()
+
     yield DEFAULT_METHOD, estimate_and_solve
+    yield f"{DEFAULT_METHOD} of few and many sensors", smooth
 
 
 def _steps(scene: Scene) -> Iterator[Step]:
