@@ -105,10 +105,11 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
     for a in range(w):
         x[a] = lanes.mean[a]
         for b in range(w):
-            p[a, b] = lanes.covariance[a, b]
+            p[a, b] = lanes.covariance[a, b]  # but for a step of time only the lower triangle is kept right
     likelihood, product = 0.0, 1.0
     for k in range(n):
         if k:
+            _mirror(width, p)
             if len(before):
                 before[k, w] = x[followed]
             _carry_half(to, of, carried[k], x, p, moved, half)
@@ -118,12 +119,11 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
             _carry_other_half(width, to, of, carried[k], half, p)
             for j in range(len(row)):
                 p[row[j], column[j]] += shaken[k, j]
-            _mirror(width, p)
         if len(mean):
             for a in range(d):
                 mean[k, states[a]] = x[a]
-                for b in range(d):
-                    covariance[k, states[a], states[b]] = p[a, b]
+                for b in range(a + 1):
+                    covariance[k, states[a], states[b]] = covariance[k, states[b], states[a]] = p[a, b]
         for i in range(first_row[k], first_row[k + 1]):
             s, v = variance[i], value[i]
             for a in range(w):
@@ -132,8 +132,10 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
                 h = design[i, a]
                 if h != 0.0:
                     v -= h * x[a]
-                    for b in range(w):
+                    for b in range(a + 1):
                         g[b] += h * p[a, b]
+                    for b in range(a + 1, w):
+                        g[b] += h * p[b, a]
             for a in range(w):
                 s += design[i, a] * g[a]
             innovation[i], scale[i] = v, s
@@ -147,7 +149,7 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
             for a in range(w):
                 share = gain[i, a]
                 x[a] += share * v
-                for b in range(w):
+                for b in range(a + 1):
                     p[a, b] -= share * g[b]
     return likelihood - 0.5 * math.log(product)
 

@@ -159,9 +159,8 @@ def _lag_of(changes: Changes, cue: Cue) -> Estimate:
 def _products(shown: Floats, wanted: Floats, block: Ints) -> Floats:
     """Sums in each block of shown (k, n) squared, of shown times wanted and of wanted squared: (3, k, blocks)."""
     own, want = centred(shown, block), centred(wanted[None], block)[0]
-    return np.array(
-        [[np.bincount(block, p) for p in product] for product in (own**2, own * want, want**2 + 0 * own)]
-    )
+    squares, products = ([np.bincount(block, row) for row in rows] for rows in (own**2, own * want))
+    return np.array([squares, products, [np.bincount(block, want**2)] * len(own)])
 
 
 def _correlation(total: Floats) -> Floats:
