@@ -44,8 +44,9 @@ from accuracy.scoring import show_progress, write_json
 from fusion.errors import FusionError
 from fusion.methods.base import DriveResult
 from fusion.network import drive_beliefs
-from fusion.pipeline import FusedDrive, run_drive, solve_network
+from fusion.pipeline import run_drive
 from fusion.roads.table import rows_of
+from fusion.together import FusedDrive, solve_network
 
 SENSORS = ("altitude", "doppler", "pitch", "force", "barometer")
 SENSOR_SETS: dict[str, tuple[str, ...]] = {

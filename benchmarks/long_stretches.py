@@ -13,11 +13,8 @@ same in every run.
 
 ``in 1.96s`` and ``z-rms`` are of the mean grades by the slopes: the share of errors within 1.96 sigma, and the root
 mean square of error over sigma, of every stretch all of whose slopes are known (the tool leaves those out that no ride
-passes as a whole). What a mean grade's sigma is, ``accuracy.stretches.grade_sigma_percent`` says. That takes slopes'
-errors as independent, which those of heights that only drives know are not: by how much it is too small shows without
-any truth where two halves of the rides are fused apart and disagree. ``halves z-rms`` is the root mean square of their
-differences over the sigmas of these, of ``HALVES`` random halvings; ``scaled`` is the share within 1.96 sigma, and its
-z-rms, after all sigmas have been multiplied by it.
+passes as a whole). What a mean grade's sigma is, ``accuracy.stretches.grade_sigma_percent`` says. What the
+rides' own repeats say of their sigmas is in them where there are ten rides or more (``fusion.network.repeats``).
 """
 
 from __future__ import annotations
@@ -26,11 +23,10 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -42,7 +38,6 @@ from accuracy.sequences import (
     parser_of,
     quietly,
     slopes_among,
-    slopes_of,
     tool_beside,
 )
 from accuracy.stretches import Stretch, find_stretches, grade_sigma_percent
@@ -66,43 +61,8 @@ COLUMNS = {
     "median_median_abs": ("median", ".3f"),
     "within_95": ("in 1.96s", ".1%"),
     "z_rms": ("z-rms", ".2f"),
-    "halves_z_rms": ("halves z-rms", ".2f"),
-    "scaled_within_95": ("scaled: in 1.96s", ".1%"),
-    "scaled_z_rms": ("z-rms", ".2f"),
 }
-OF_SIGMA = ("within_95", "z_rms", "halves_z_rms", "scaled_within_95", "scaled_z_rms")
-FIGURES = tuple(name for name in COLUMNS if name not in ("rides", *OF_SIGMA))
-HALVES = 3
-"""So many times a set of rides is halved at random."""
-
-
-class Scored(NamedTuple):
-    """Errors over sigmas of one set of rides, and the differences of its halves over theirs, halving by halving."""
-
-    z: Floats
-    halves: list[Floats]
-
-    def scale(self) -> float:
-        """By how much sigmas are too small, without truth."""
-        return rms(np.concatenate(self.halves))
-
-    def row(self) -> Row:
-        """Shares as stated and scaled."""
-        return pooled([self])
-
-
-def pooled(scored: Sequence[Scored]) -> Row:
-    """Of several sets of rides, each scaled by its own halves."""
-    raw, scaled = (
-        coverage(np.concatenate(parts))
-        for parts in ([s.z for s in scored], [s.z / s.scale() for s in scored])
-    )
-    scale = rms(np.concatenate([d for s in scored for d in s.halves]))
-    return raw | {
-        "halves_z_rms": scale,
-        "scaled_within_95": scaled["within_95"],
-        "scaled_z_rms": scaled["z_rms"],
-    }
+FIGURES = tuple(name for name in COLUMNS if name not in ("rides", "within_95", "z_rms"))
 
 
 @dataclass(frozen=True)
@@ -115,22 +75,17 @@ class Setup:
     fusion: Fusion
     rides: dict[int, FusedLog]
 
-    def score(self, numbers: Sequence[int]) -> tuple[Row, Scored]:
+    def score(self, numbers: Sequence[int]) -> tuple[Row, Floats]:
         """The figures of some rides together, and errors over sigmas of the mean grades."""
         features = self._together(numbers).features()
         row = {"rides": ranges(numbers), **self._by_tool([f.geojson() for f in features], numbers)}
         errors = grade_errors(self.stretches, slopes_among(features))
-        scored = Scored(errors, [self._disagreement(*two) for two in halvings(numbers, HALVES)])
-        return row | scored.row(), scored
+        return row | coverage(errors), errors
 
     def _together(self, numbers: Sequence[int]) -> Fusion:
         together = Fusion(self.fusion.method, self.fusion.options, self.fusion.roads, None)
         together.fused = [self.rides[number] for number in numbers]
         return together
-
-    def _disagreement(self, some: Sequence[int], others: Sequence[int]) -> Floats:
-        first, second = (slopes_of(self._together(half)) for half in (some, others))
-        return grade_differences(self.stretches, first, second)
 
     def _by_tool(self, features: list[dict[str, object]], numbers: Sequence[int]) -> Row:
         with tempfile.TemporaryDirectory() as folder:
@@ -152,17 +107,6 @@ def grade_errors(stretches: Iterable[Stretch], slopes: Slopes) -> Floats:
     errors = np.array([grade - s.true_grade_percent() for s, grade in graded])
     sigmas = np.array([grade_sigma_percent(s, slopes) for s, _ in graded])
     return np.asarray(errors / sigmas)
-
-
-def grade_differences(stretches: Iterable[Stretch], some: Slopes, others: Slopes) -> Floats:
-    """Difference over its sigma of the mean grades of every stretch that two results know; no ride is in both."""
-    rows = []
-    for one in stretches:
-        first, second = one.grade_percent(some), one.grade_percent(others)
-        if first is not None and second is not None:
-            sigma = np.hypot(grade_sigma_percent(one, some), grade_sigma_percent(one, others))
-            rows.append((first - second) / sigma)
-    return np.array(rows, float)
 
 
 def coverage(z: Floats) -> Row:
@@ -196,15 +140,6 @@ def subsets(numbers: Sequence[int], count: int, size: int) -> list[list[int]]:
     return [sorted(rng.choice(numbers, size, replace=False).tolist()) for _ in range(count)]
 
 
-def halvings(numbers: Sequence[int], count: int) -> Iterator[tuple[list[int], list[int]]]:
-    """Random halves of a set of rides, the same in every run."""
-    rng = np.random.default_rng(len(numbers))
-    for _ in range(count):
-        order = rng.permutation(numbers).tolist()
-        middle = len(order) // 2
-        yield sorted(order[:middle]), sorted(order[middle:])
-
-
 def prepare(folder: Path, tool: ModuleType, method: str, numbers: Sequence[int]) -> Setup:
     """Read and fuse every ride by itself."""
     fusion = Fusion(method, parse_options(method), read_roads(folder / "roads.osm"), None)
@@ -224,13 +159,13 @@ def run_subsets(setup: Setup, sets: Sequence[Sequence[int]]) -> list[Row]:
     rows, every = [], []
     for number, rides in enumerate(sets, 1):
         show_progress(f"set {number}/{len(sets)}")
-        row, scored = setup.score(rides)
+        row, errors = setup.score(rides)
         rows.append(row)
-        every.append(scored)
+        every.append(errors)
     show_progress("")
     means = {name: float(np.mean([row[name] for row in rows if name in row])) for name in FIGURES}
     total = {"rides": "mean of sets", **means, "stretches": round(means["stretches"])}
-    return [*rows, total | pooled(every)]
+    return [*rows, total | coverage(np.concatenate(every))]
 
 
 def main() -> None:

@@ -15,11 +15,11 @@ import numpy as np
 from fusion.methods.base import OF_TERRAIN, DriveResult
 from fusion.network.combine import HEIGHTS, STEEPEST, CombinedSlope, SlopePart, published_slope
 from fusion.network.control import ControlPoint
-from fusion.pipeline import FusedDrive, network_datum, solve_network
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
+from fusion.together import FusedDrive, network_datum, solve_network
 from fusion.types import Floats
 
 if TYPE_CHECKING:

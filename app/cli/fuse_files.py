@@ -19,12 +19,13 @@ from fusion.methods.base import Options
 from fusion.network.combine import NETWORK_ONLY
 from fusion.network.control import ControlPoint
 from fusion.network.unknowns import knot_positions
-from fusion.pipeline import FusedDrive, positions_of, run_drive, surroundings
+from fusion.pipeline import positions_of, run_drive
 from fusion.report import with_contradiction, with_duplicate
 from fusion.results import Solution, solve_fused
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
+from fusion.together import FusedDrive, surroundings
 from fusion.types import Progress, no_progress
 
 PARTS = {"reading": (0.0, 0.15), "positioning": (0.15, 0.4), "estimating": (0.4, 1.0)}

@@ -16,8 +16,8 @@ from sqlalchemy.orm import Session
 from app.core.db import fetch_binary
 from app.core.tables import IS_SHOWN
 from fusion.network.pass_factor import DRIVEN_BYTES, PassFactor
-from fusion.network.repeats import RepeatPairs
-from fusion.types import Floats, Ints
+from fusion.network.repeats import OwnSlopes, RepeatPairs
+from fusion.types import Floats
 
 DEVICE_CLASS = """
     CASE WHEN jsonb_exists({0}.report -> 'sensors', 'doppler') THEN 'doppler'
@@ -27,16 +27,11 @@ DEVICE_CLASS = """
          WHEN jsonb_exists_any({0}.report -> 'sensors', ARRAY['pitch', 'specific force']) THEN 'inertial'
          ELSE 'elevation model' END || ', ' || CAST({0}.report ->> 'format' AS text)
 """
-"""SQL on a row of ``drives`` under that name: the strongest sensor that the drive used, and the format of its log.
-NULL of a drive without a report."""
+"""``fusion.network.repeats.device_class`` as SQL on a row of ``drives`` under that name; NULL without a report."""
 
 MOST_ESTIMATES = 100_000
 """Of more drives' estimates of segments, those in an equal part of all cells are read: a few seconds' work."""
 PARTS = 1024
-MOST_OF_SEGMENT = 100
-"""Of a segment that more drives repeat, the newest pairs count."""
-NEARLY_WHOLE = 0.9
-"""A drive that drove less of a segment measured something else than its slope."""
 
 _SHARE = text("SELECT reltuples FROM pg_class WHERE oid = CAST('drive_segments' AS regclass)")
 
@@ -87,42 +82,20 @@ def pairs_of(rows: list[tuple[Any, ...]], driven: Floats) -> RepeatPairs:
     """Pairs of rows of ``_SINGLE``; ``driven`` (m, 4) is what the head of each says (``PassFactor.driven``)."""
     start, end, first, last = driven.T
     columns = list(zip(*rows, strict=True)) if rows else [()] * 9
-    segment, length = np.array(columns[0], np.int64), np.array(columns[5], float)
     names = sorted(set(columns[2]))
     number: dict[uuid.UUID, int] = {drive: k for k, drive in enumerate(dict.fromkeys(columns[1]))}
-    drive = np.array([number[one] for one in columns[1]], np.int64)
-    kind = np.searchsorted(names, columns[2]) if rows else drive
-    slope, sigma = np.array(columns[3], float), np.array(columns[4], float)
-    way, season = np.array(columns[6], np.int64), np.array(columns[7], np.int64)
-    speed = (end - start) / np.maximum(last - first, 0.1)
-    whole = np.flatnonzero(end - start >= NEARLY_WHOLE * length)
-    kind = np.asarray(kind, np.int64)
-    of_class = whole[np.lexsort((whole, kind[whole], segment[whole]))]
-    both = np.unique(
-        np.concatenate(
-            [_neighbours(whole, segment, np.zeros_like(kind)), _neighbours(of_class, segment, kind)]
-        ),
-        axis=0,
+    return RepeatPairs.of_neighbours(
+        OwnSlopes(
+            names=tuple(names),
+            segment=np.array(columns[0], np.int64),
+            drive=np.array([number[one] for one in columns[1]], np.int64),
+            kind=np.array([names.index(one) for one in columns[2]], np.int64),
+            slope_percent=np.array(columns[3], float),
+            sigma_percent=np.array(columns[4], float),
+            length_m=np.array(columns[5], float),
+            driven_m=end - start,
+            speed_mps=(end - start) / np.maximum(last - first, 0.1),
+            way=np.array(columns[6], np.int64),
+            season=np.array(columns[7], np.int64),
+        )
     )
-    return RepeatPairs(
-        tuple(names),
-        segment[both[:, 0]],
-        drive[both],
-        kind[both],
-        slope[both],
-        sigma[both],
-        length[both[:, 0]],
-        speed[both].mean(axis=1),
-        way[both].prod(axis=1),
-        season[both],
-    )
-
-
-def _neighbours(order: Ints, segment: Ints, kind: Ints) -> Ints:
-    """Rows next to each other in this order (p, 2) that are of one segment and kind, the newest ``MOST_OF_SEGMENT`` of
-    each; in the order rows of one segment and kind are together, the newest last."""
-    before, after = order[:-1], order[1:]
-    new = (segment[before] != segment[after]) | (kind[before] != kind[after])
-    last = np.append(np.flatnonzero(new), len(new))
-    behind = last[np.searchsorted(last, np.arange(len(new)))] - np.arange(len(new))
-    return np.asarray(np.column_stack([before, after])[~new & (behind <= MOST_OF_SEGMENT)], np.int64)

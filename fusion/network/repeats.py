@@ -16,10 +16,10 @@ So repeats find sigmas that are too small, and never prove that they are large e
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -39,12 +39,36 @@ _BOUNDED_MEAN = (
     + BOUND_SIGMAS**2 * math.erfc(BOUND_SIGMAS / math.sqrt(2))
 )
 """Mean of the square of a standard normal number that is bounded so."""
+MOST_OF_SEGMENT = 100
+"""Of a segment that more drives repeat, the newest pairs count."""
+NEARLY_WHOLE = 0.9
+"""A drive that drove less of a segment measured something else than its slope."""
 PRIOR_COUNT = 2.0
 """Imaginary pairs of drives of each class whose sigmas are what they say."""
 FEWEST_DRIVES = 10
 """A class of which fewer drives, or fewer pairs of drives, are repeated stays as it is."""
 MOST_WIDENING = 5.0
 _ROUNDS, _SETTLED = 300, 1e-5
+
+
+class OwnSlopes(NamedTuple):
+    """What each of m drives by itself says of a segment that it passed once, segment by segment, the newest last.
+
+    Columns of shape (m,) but ``names``, of which ``kind`` is a number: device classes. ``way`` is 1 where it went as
+    the segment is drawn, -1 the other way, 0 unknown.
+    """
+
+    names: tuple[str, ...]
+    segment: Ints
+    drive: Ints
+    kind: Ints
+    slope_percent: Floats
+    sigma_percent: Floats
+    length_m: Floats
+    driven_m: Floats
+    speed_mps: Floats
+    way: Ints
+    season: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +89,27 @@ class RepeatPairs:
     speed_mps: Floats
     direction: Ints
     season: Ints
+
+    @classmethod
+    def of_neighbours(cls, own: OwnSlopes) -> Self:
+        """Each drive that went over a segment nearly whole with the last that did so before it, and with the last of
+        its own class."""
+        whole = np.flatnonzero(own.driven_m >= NEARLY_WHOLE * own.length_m)
+        of_class = whole[np.lexsort((whole, own.kind[whole], own.segment[whole]))]
+        near = _neighbours(whole, own.segment, np.zeros_like(own.kind))
+        both = np.unique(np.concatenate([near, _neighbours(of_class, own.segment, own.kind)]), axis=0)
+        return cls(
+            own.names,
+            own.segment[both[:, 0]],
+            own.drive[both],
+            own.kind[both],
+            own.slope_percent[both],
+            own.sigma_percent[both],
+            own.length_m[both[:, 0]],
+            own.speed_mps[both].mean(axis=1),
+            own.way[both].prod(axis=1),
+            own.season[both],
+        )
 
     @property
     def difference_percent(self) -> Floats:
@@ -97,6 +142,17 @@ class Widening:
         """What its sigmas are to be multiplied by: 1 unless ``learned`` is above 1 by more than its own sigma."""
         known = min(self.drive_pairs, self.drives) >= FEWEST_DRIVES
         return self.learned if known and self.learned - self.sigma > 1.0 else 1.0
+
+
+def device_class(report: Mapping[str, Any]) -> str:
+    """The strongest sensor that a drive used, by its report, and the format of its log."""
+    sensors = report["sensors"]
+    strongest = next((name for name in ("doppler", "barometer", "altitude") if name in sensors), "")
+    if strongest == "altitude" and report.get("altimeter"):
+        strongest = "altimeter"
+    elif not strongest:
+        strongest = "inertial" if {"pitch", "specific force"} & set(sensors) else "elevation model"
+    return f"{strongest}, {report['format']}"
 
 
 def repeat_statistics(pairs: RepeatPairs) -> list[dict[str, Any]]:
@@ -216,3 +272,13 @@ def _dyadic(score: Floats, of_drives: Ints) -> Floats:
     alone = score.T @ score
     value, vector = np.linalg.eigh(of_drive.T @ of_drive - 2 * alone)
     return np.asarray(alone + (vector * np.maximum(value, 0)) @ vector.T)
+
+
+def _neighbours(order: Ints, segment: Ints, kind: Ints) -> Ints:
+    """Rows next to each other in this order (p, 2) that are of one segment and kind, the newest ``MOST_OF_SEGMENT`` of
+    each; in the order rows of one segment and kind are together, the newest last."""
+    before, after = order[:-1], order[1:]
+    new = (segment[before] != segment[after]) | (kind[before] != kind[after])
+    last = np.append(np.flatnonzero(new), len(new))
+    behind = last[np.searchsorted(last, np.arange(len(new)))] - np.arange(len(new))
+    return np.asarray(np.column_stack([before, after])[~new & (behind <= MOST_OF_SEGMENT)], np.int64)

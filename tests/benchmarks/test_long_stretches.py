@@ -33,31 +33,3 @@ def test_errors_over_sigmas_of_known_grades() -> None:
     row = long_stretches.coverage(np.array([3.0, 0.0, -1.0, 1.9]))
     assert row == {"graded": 4, "within_95": 0.75, "z_rms": pytest.approx(np.sqrt((9 + 1 + 3.61) / 4))}
     assert long_stretches.coverage(np.empty(0))["within_95"] is None
-
-
-def test_halves_of_rides_have_none_in_common() -> None:
-    for some, others in long_stretches.halvings(range(1, 8), 5):
-        assert sorted([*some, *others]) == list(range(1, 8))
-        assert len(some) == 3
-    assert list(long_stretches.halvings(range(6), 2)) == list(long_stretches.halvings(range(6), 2))
-
-
-def test_halves_tell_the_scale_of_sigmas() -> None:
-    rng = np.random.default_rng(1)
-    keys = [(1, k, k + 1) for k in range(2000)]
-    true = rng.normal(size=len(keys))
-    stretches = [
-        Stretch(100.0, t, (key,), np.array([1.0]), np.array([100.0]))
-        for t, key in zip(true, keys, strict=True)
-    ]
-
-    def results(sigma: float) -> dict[tuple[int, int, int], tuple[float, float]]:
-        """Wrong by twice their sigma."""
-        return {k: (t + 2 * sigma * rng.normal(), sigma) for t, k in zip(true, keys, strict=True)}
-
-    between = long_stretches.grade_differences(stretches, results(0.2), results(0.1))
-    row = long_stretches.Scored(long_stretches.grade_errors(stretches, results(0.1)), [between]).row()
-    assert row["halves_z_rms"] == pytest.approx(2.0, rel=0.1)
-    assert row["z_rms"] == pytest.approx(2.0, rel=0.1)
-    assert row["scaled_z_rms"] == pytest.approx(1.0, rel=0.1)
-    assert row["scaled_within_95"] == pytest.approx(0.95, abs=0.02)

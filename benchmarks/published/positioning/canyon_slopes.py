@@ -15,7 +15,7 @@ from accuracy.scoring import Errors, Row, figures, show_progress
 from accuracy.truth import TrueSlope
 from fusion.errors import FusionError
 from fusion.gnss.positioning import positioned
-from fusion.pipeline import FusedDrive, parse_options, run_drive, solve_network
+from fusion.pipeline import parse_options, run_drive
 from fusion.published.canyon.drive import CanyonDrive, canyon_of
 from fusion.published.canyon.sky import synthetic_navigation
 from fusion.registry import DEFAULT_METHOD
@@ -23,6 +23,7 @@ from fusion.roads.table import rows_of
 from fusion.signals import BEIDOU, GALILEO, GPS, gps_from_unix
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import Town, make_town
+from fusion.together import FusedDrive, solve_network
 from fusion.types import DriveLog, GnssFix, Ints, Odometry, Track
 
 AS_LOGGED = "receiver"

@@ -15,8 +15,8 @@ from app.drives import process
 from app.drives.process import with_settled_lag
 from fusion.methods.base import DriveResult
 from fusion.network.pass_factor import LAG, NUISANCES, PassFactor
-from fusion.pipeline import LAG_ROUNDS, LAG_STEP_S
 from fusion.roads.table import RoadTable
+from fusion.together import LAG_ROUNDS, LAG_STEP_S
 from fusion.types import Ints
 from network_support import passes_of, rows_of
 

@@ -17,8 +17,9 @@ from app.drives.process import Outcome
 from app.jobs.context import JobContext
 from app.roads import imports as road_imports
 from fusion.formats import read_log
-from fusion.pipeline import parse_options, solve_network
+from fusion.pipeline import parse_options
 from fusion.roads.osm import read_roads
+from fusion.together import solve_network
 from fusion.types import DriveLog
 from network_support import rows_of
 from processing_support import accept_upload, drive_now, process_drive

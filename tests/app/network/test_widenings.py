@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import uuid
 from collections.abc import Callable
@@ -12,12 +13,12 @@ import pytest
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.network import repeats
-from app.network.repeats import pairs_of, read_repeats
+from app.network.repeats import DEVICE_CLASS, pairs_of, read_repeats
 from app.network.settle import settle_network
 from app.network.swap import solve_all_marked
 from app.network.widenings import device_classes, learn, repeat_rows, reset
 from condensed_support import assert_sums_hold
+from fusion.network import repeats as learned
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import T0_S, Rows, append, count_of, delete, new_drive, pass_over, passes_of, rows_of
@@ -192,7 +193,22 @@ def test_each_drive_meets_the_one_before_it_and_the_one_of_its_class(monkeypatch
     pairs = pairs_of(rows, driven)
     assert pairs.drives.tolist() == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3], [2, 4], [3, 4]]
     assert pairs.segment.tolist() == [7] * 7
-    monkeypatch.setattr(repeats, "MOST_OF_SEGMENT", 1)
+    monkeypatch.setattr(learned, "MOST_OF_SEGMENT", 1)
     assert pairs_of(rows, driven).drives.tolist() == [[1, 3], [2, 4], [3, 4]]
     driven[2, 1] = 80.0
     assert [2] not in pairs_of(rows, driven).drives
+
+
+def test_classes_are_the_same_in_the_database_and_for_logs_at_hand(sessions: Sessions) -> None:
+    names = ("doppler", "barometer", "altitude", "pitch", "specific force", "odometer")
+    made: dict[uuid.UUID, str] = {}
+    for used in itertools.chain.from_iterable(itertools.combinations(names, n) for n in range(4)):
+        for altimeter in (False, True):
+            drive = new_drive(sessions)
+            describe(sessions, drive, list(used), altimeter)
+            report = {"format": "csv", "sensors": {name: {} for name in used}, "altimeter": altimeter}
+            made[drive] = learned.device_class(report)
+    statement = text(f"SELECT id, {DEVICE_CLASS.format('d')} AS name FROM drives AS d")
+    with sessions() as session:
+        assert {row.id: row.name for row in session.execute(statement)} == made
+    assert len(set(made.values())) == 6

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from factor_support import street
-from fusion.pipeline import FusedDrive, run_drive, solve_network
+from fusion.pipeline import run_drive
 from fusion.profile import method
 from fusion.roads.table import rows_of
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.terrain.dem import Dem
+from fusion.together import FusedDrive, solve_network
 from fusion.types import DriveLog
 from profile_support import Levels, World, hills, log_of, pressure_of, street_log
 

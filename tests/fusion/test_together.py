@@ -12,8 +12,8 @@ import pytest
 
 from factor_support import Sensors, steady, street
 from fusion.network.pass_factor import PassFactor
-from fusion.pipeline import LAG_SETTLED_S, solve_network
 from fusion.roads.table import RoadTable
+from fusion.together import LAG_SETTLED_S, solve_network
 from street_support import ride
 
 TABLE = street(60.0, 60.0, 60.0, 40.0, 60.0)
@@ -87,3 +87,56 @@ def test_factors_are_made_anew_until_the_lag_stands() -> None:
     assert late[1][-1] == pytest.approx(4.5, abs=2 * LAG_SETTLED_S)
     assert early[1][-1] == pytest.approx(0.0, abs=2 * LAG_SETTLED_S)
     assert all(abs(taken_s - 1.5) < 2 * LAG_SETTLED_S for taken_s in right[1])
+
+
+def rough_log(seed: int, error: float, sensor: str = "doppler") -> Any:
+    """A log over every row whose errors are so many times what it states, by itself and to the network."""
+    offset = 0.5 * error * np.random.default_rng(seed).normal(size=len(TABLE))
+    log = log_of(TABLE, 1000.0 * seed, {row: [2.0 + offset[row]] for row in range(len(TABLE))})
+    log.result.slopes = tuple(
+        SimpleNamespace(
+            segment=row, slope_percent=2.0 + offset[row], slope_sigma_percent=0.5, passes=1, first_time_s=0.0
+        )
+        for row in range(len(TABLE))
+    )
+    log.result.report = {"sensors": {sensor: {}}, "format": "gpx", "altimeter": False}
+    return log
+
+
+def test_sigmas_that_repeats_contradict_count_wider() -> None:
+    """Of ten logs or more; and only those of the class that is contradicted."""
+    rough, honest = [rough_log(k, 3.0) for k in range(16)], [rough_log(k, 0.8) for k in range(16)]
+    wide, usual = solve_network(TABLE, None, rough), solve_network(TABLE, None, rough[:9])
+    assert solve_network(TABLE, None, honest).remarks == usual.remarks == []
+    (remark,) = wide.remarks
+    assert remark.startswith("16 logs of one class (doppler, gpx) are farther apart than they state")
+    times = float(remark.split()[-2])
+    assert 2.0 < times < 4.0
+
+    alone = replace_factors(rough, times)
+    sigma, wanted = (
+        [s.parts[row][0].slope_sigma_percent for row in range(len(TABLE))]
+        for s in (wide, solve_network(TABLE, None, alone))
+    )
+    assert sigma == pytest.approx(wanted, rel=0.01)
+
+    mixed = solve_network(TABLE, None, [*rough, *(rough_log(100 + k, 0.8, "pitch") for k in range(16))])
+    (remark,) = mixed.remarks
+    assert "(doppler, gpx)" in remark
+
+
+def replace_factors(logs: Sequence[Any], times: float) -> list[Any]:
+    """The logs as if they had stated so much larger sigmas to the network, and say nothing by themselves."""
+    return [
+        SimpleNamespace(
+            rows=log.rows,
+            epoch_s=log.epoch_s,
+            result=SimpleNamespace(
+                factors=tuple(f.widened(times) for f in log.result.factors),
+                slopes=(),
+                track=log.result.track,
+                late_by=None,
+            ),
+        )
+        for log in logs
+    ]
