@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
 """What each part of method ``profile`` is worth: sensors one more at a time, or constants one by one.
 
-    python benchmarks/ablation.py DATA_DIR [--seeds N] [--profile m8|phone|f9p] [--json FILE]
+    python benchmarks/ablation.py DATA_DIR [--seeds N] [--profile m8|phone|f9p] [--bound PATH] [--json FILE]
     python benchmarks/ablation.py DATA_DIR --constants [--only TEXT] [--sequences 00,09,10] [--seeds N]
                                                      [--log RUNG] [...]
 
 DATA_DIR holds ``karlsruhe`` and ``comma2k19`` as in ``slope_accuracy.py`` (folders that are missing are left out).
 
 Sensors: slopes from altitudes alone, then with one sensor more at a time. Printed for the drives 09 and 10 and the real
-log: RMSE in percent of slope, coverage, and the share within 1.96 sigma.
+log: RMSE in percent of slope, coverage, and the share within 1.96 sigma; and of the made logs what the same sensors can
+give at best, by the tool ``bound.py`` (``accuracy.bounds``), which knows no elevation model.
 
 Constants: the model of the network as it is, and once with each constant of ``accuracy.constants`` halved, doubled or
 switched off (``--only``: those whose label holds the text). Of the sequences of ``karlsruhe``, with one drive (each of
@@ -25,12 +26,16 @@ import os
 import sys
 import tempfile
 from argparse import Namespace
+from collections.abc import Sequence as Several
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
+from accuracy.bounds import ALL_SENSORS, AS_FITTED, RoadBound
 from accuracy.constants import CHANGES, Change, changed
 from accuracy.poor import RUNGS, poor_log, road_of
-from accuracy.scoring import Errors, Row, figures, show_progress, text_table, write_json
+from accuracy.scoring import Errors, Row, figures, rms, show_progress, text_table, write_json
 from accuracy.sequences import (
     RECEIVERS,
     Sequence,
@@ -52,6 +57,7 @@ SEQUENCES = ("09", "10", "comma2k19")
 COLUMNS = {
     "sequence": ("sequence", ""),
     "sensors": ("sensors", ""),
+    "bound_percent": ("bound %", ".3f"),
     "rmse_percent": ("RMSE %", ".3f"),
     "coverage": ("cover", ".1%"),
     "within_95": ("in 1.96s", ".1%"),
@@ -79,6 +85,7 @@ def main() -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--profile", default="m8", choices=RECEIVERS)
+    parser.add_argument("--bound", type=Path, metavar="PATH", help="where bound.py lies")
     parser.add_argument("--constants", action="store_true", help="constants instead of sensors")
     parser.add_argument("--only", default="", metavar="TEXT", help="constants whose label holds the text")
     parser.add_argument("--sequences", default="00,09,10", help="of the constants, separated by commas")
@@ -104,6 +111,8 @@ def ablate(sequence: Sequence, args: Namespace) -> list[Row]:
     tool = args.roadtruth or tool_beside(args.data_dir / "karlsruhe")
     module = load_tool(tool) if sequence.log is None else None
     seeds = args.seeds if sequence.log is None else 1
+    bound = args.bound or tool_beside(args.data_dir / "karlsruhe", "bound.py")
+    road = RoadBound.of(load_tool(bound), sequence) if module is not None and bound.exists() else None
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         logs = [make_log(module, sequence, seed, Path(folder), args.profile) for seed in range(seeds)]
@@ -114,8 +123,23 @@ def ablate(sequence: Sequence, args: Namespace) -> list[Row]:
             errors = [Errors.of(sequence.truth, estimate(bare, [log], "profile", options)) for log in logs]
             scores = figures([[e] for e in errors])
             if scores is not None:
-                rows.append({"sequence": sequence.name, "sensors": label, **scores})
+                best = None if road is None else best_of(road, logs, args.profile, count)
+                rows.append(
+                    {"sequence": sequence.name, "sensors": label, "bound_percent": best} | dict(scores)
+                )
     return rows
+
+
+def best_of(road: RoadBound, logs: Several[Path], receiver: str, count: int) -> float | None:
+    """What so many sensors can give at best: the mean RMSE of the bound over the logs, whose numbers are their seeds.
+
+    None beyond the sensors that the bound knows.
+    """
+    sensors = ALL_SENSORS[:count]
+    if len(sensors) < count:
+        return None
+    errors = [road.errors([road.drive(log, receiver, seed, sensors)]) for seed, log in enumerate(logs)]
+    return float(np.mean([rms(of[AS_FITTED]) for of in errors]))
 
 
 @dataclass(frozen=True)
