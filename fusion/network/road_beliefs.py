@@ -26,7 +26,8 @@ DEFAULT_ROUGHNESS = 3e-5
 ROUGHNESS_BOUNDS = (3e-7, 1e-3)
 """Flat towns and serpentines (spec 7)."""
 ROUGHNESS_FREEDOM = 3.0
-"""Degrees of freedom of the Student's t that an interval's change of grade follows."""
+"""Degrees of freedom of the Student's t that an interval's change of grade follows. Chosen on karlsruhe 00 and 09: with
+Gaussian ones single drives are 0.4 to 1.3 % worse, ten of the best receiver 10 % better (road 05)."""
 ROUGHNESS_PRIOR_COUNT = 20.0
 """Imaginary changes of grade about each place that are as large as the drives learned of themselves; and as many for
 each class of roads there that are as large as the others'."""
@@ -34,12 +35,11 @@ UNSEEN_VARIANCE = ROUGHNESS_FREEDOM / (ROUGHNESS_FREEDOM - 2)
 """Variance of that Student's t over its scale squared: where nobody drove, nothing says which are even."""
 FAR_SHARE = 0.01
 """All passes together say so much of what is usual about a place as this share of one that is there."""
-STRUCTURE_FACTOR = 0.1
-"""Bridges and tunnels are built to a design: their roughness over that of other roads."""
 NODE_SIGMA_M = 0.2
 """Segments end at their node's height: lanes and camber."""
 NODE_FREEDOM = 2.0
-"""Degrees of freedom of that agreement: maps join what does not meet."""
+"""Degrees of freedom of that agreement. It guards against maps that join what does not meet, and where they are right
+it changes nothing: a node that joins roads 4 to 8 m apart makes slopes by one drive 3 % worse without it."""
 GRADE_SIGMA = 0.2
 """Grades of roads, before anything is measured (1 = 100 %)."""
 LEVEL_SIGMA_M = 1000.0
@@ -84,7 +84,6 @@ class RoadBeliefs:
         unit = smoothness_block((u.length_m / u.intervals)[row], self._places.at_rows(lengths)[row])
         none = np.zeros((len(row), 4))
         self.roughness = Blocks(first[:, None] + np.arange(4), unit, none, np.ones(len(row)))
-        self.factor = np.where(u.structure[row], STRUCTURE_FACTOR, 1.0)
         _, kind = np.unique(network.highway.astype(str), return_inverse=True)
         self._places_of_class = Places(network, kind)
         learned = _as_drives_learned(self._places, measured, "roughness", DEFAULT_ROUGHNESS)
@@ -92,7 +91,7 @@ class RoadBeliefs:
         self.usual = self._places.at_rows(self._begin)
         """The usual roughness about each segment (n,), 1/m"""
         self._open = _open_intervals(u, row, step, measured)
-        self.roughness.weight = 1 / (self.usual[row] * self.factor)
+        self.roughness.weight = 1 / self.usual[row]
 
     def blocks(self) -> list[Blocks]:
         """All equations."""
@@ -104,11 +103,11 @@ class RoadBeliefs:
         self.levels.vector = solution.x[self.levels.variables]
         squares = self.ties.expected_squares(solution)
         self.ties.weight = (NODE_FREEDOM + 1) / (NODE_FREEDOM + squares)
-        change = np.maximum(self.roughness.expected_squares(solution), 0.0) / self.factor
+        change = np.maximum(self.roughness.expected_squares(solution), 0.0)
         self._learn_usual(change)
         usual = self.usual[self._row]
         seen = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * usual + change)
-        self.roughness.weight = np.where(self._open, 1 / (UNSEEN_VARIANCE * usual), seen) / self.factor
+        self.roughness.weight = np.where(self._open, 1 / (UNSEEN_VARIANCE * usual), seen)
 
     def _learn_usual(self, change: Floats) -> None:
         """From the squares of driven intervals, two changes each, over what one of roughness 1 has.

@@ -25,7 +25,7 @@ from fusion.profile.levels import (
     most_likely,
     normalised_square,
 )
-from fusion.profile.measurements import ALTITUDE, BARO, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
+from fusion.profile.measurements import ALTITUDE, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
 from fusion.profile.model import (
     JUMP_SIGMA,
     Jumps,
@@ -42,23 +42,26 @@ from fusion.types import Bools, Floats
 
 FIRST_ROUNDS, ROUNDS = 3, 3
 """Rounds of rough steps from wherever the levels start, and rounds of likely levels, weights and sudden changes after
-them. Nothing tests for convergence."""
+them. Nothing tests for convergence. One rough round makes slopes between high buildings 24 % worse; two of the others
+make those of bad Doppler 2 %, of altitudes that jump 3 to 11 % worse."""
 FILTERED = 1.3
 """Heights whose white level is found below so many times the least possible one come out of a filter."""
 HEIGHTS_APART_S = 8.0
 """Heights that lie so far apart share no error of a receiver's filter, which remembers for one to three seconds."""
 TAIL_SIGMAS = 2.5
-"""Beyond this a measurement counts less while levels are learned: with the square of how far."""
-MAX_JUMPS = 4
-"""Sudden changes of one kind in a drive; each round adds one at most."""
+"""Beyond this a measurement counts less while levels are learned: with the square of how far. Chosen on karlsruhe 00,
+05, 08, 09 and 10; without it bursts of bad Doppler make slopes 5 % worse."""
 JUMP_SCORE = 6.0
-"""Standard deviations by which a state must break with its model to have changed suddenly."""
+"""Standard deviations by which a state must break with its model to have changed suddenly (de Jong and Penzer 1998).
+Chosen so that drives without any show none; without it a phone that slides makes slopes 18 to 46 % worse."""
 JUMP_SPACING_S = 5.0
 OUTLIER_SIGMAS = 4.0
-"""A measurement that is farther off counts less with the fourth power of how far, and is reported as an outlier."""
+"""A measurement that is farther off counts less with the fourth power of how far, and is reported as an outlier. Chosen
+for bursts of bad Doppler, which cost 2 to 4 % without it; clean logs of the best receiver do better without (05)."""
 CORRELATED_WITHIN_S = 0.8
 """Springs swing for about a second, so errors farther apart than this are taken for independent. What neighbouring
-seconds still have in common is mostly road that the knots have not followed."""
+seconds still have in common is mostly road that the knots have not followed. It matters to logs of 2 Hz and more alone:
+by M8 at 10 Hz slopes are 0.3 % worse without (road 08: 2 %)."""
 FREEDOMS = (2.0, 3.0, 4.0, STUDENT_T_FREEDOM)
 """Degrees of freedom of Student's t that a sensor's tails may have in the end: heavier than usual in street canyons.
 Lighter ones were tried: white noise gains nothing by them, and errors that hang together look like it."""
@@ -196,12 +199,10 @@ def _outlier_factor(square: Floats) -> Floats:
 
 
 def _with_jump(epochs: SmootherEpochs, smoothed: Scores, jumps: Jumps) -> Jumps:
-    """The sudden changes known so far, and for each kind of state the clearest further one."""
+    """The sudden changes known so far, and for each kind of state the clearest further one: one a round at most."""
     extended = list(jumps)
     for state in JUMP_SIGMA:
         known = [k for k, s in jumps if s == state]
-        if len(known) >= MAX_JUMPS:
-            continue
         score = np.abs(smoothed.break_score(state))
         score[0] = 0.0
         for k in known:
@@ -235,10 +236,8 @@ def _correlation_inflation(measured: Measurements, smoothed: Scores, variance: F
     """Factor on the variance of sensors whose neighbouring errors repeat: (1 + r) / (1 - r) of lag one, at least 1."""
     out = np.ones(len(measured))
     error = smoothed.residual / smoothed.residual_variance * np.sqrt(variance)
-    for sensor in (DOPPLER, PITCH, FORCE, BARO):
+    for sensor in (DOPPLER, PITCH, FORCE):
         mine = np.flatnonzero(measured.sensor == sensor)
-        if len(mine) < 30:
-            continue
         near = np.diff(measured.time_s[mine]) < CORRELATED_WITHIN_S
         first, second = np.clip(error[mine[:-1][near]], -3, 3), np.clip(error[mine[1:][near]], -3, 3)
         if len(first) < 20:

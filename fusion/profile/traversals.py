@@ -30,7 +30,8 @@ from fusion.types import Floats, Ints
 PLACE_SIGMA_M = 5.0
 """Error of a pass's place along the road where the log states none: an ordinary receiver's (spec 7)."""
 _BEND_OVER_M = 10.0
-"""Changes of grade with place are taken over so far to either side."""
+"""Changes of grade with place are taken over so far to either side: half of what knots are apart. Half or twice as far
+changes slopes by less than 0.6 %."""
 
 
 @dataclass(frozen=True)

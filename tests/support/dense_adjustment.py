@@ -121,10 +121,9 @@ class DenseAdjustment:
             self.levels += [observed({h: 1.0}, 0.0, sigma) for h in heights]
 
     def _roughness(self) -> None:
-        """Each interval for q = 1, beside its row, what its q is times the usual one there, and whether any pass goes
-        over it."""
+        """Each interval for q = 1, beside its row, and whether any pass goes over it."""
         self.usual = DenseUsual(self.table, [p for d in sorted(self.said) for p in self.said[d] if p.rows])
-        self.intervals: list[tuple[Equation, int, float, bool]] = []
+        self.intervals: list[tuple[Equation, int, bool]] = []
         for row, length in enumerate(self.length):
             reached = [
                 v
@@ -133,17 +132,15 @@ class DenseAdjustment:
                 if p.segment == row and p.rows
                 for v in (p.start_m, p.end_m)
             ]
-            built = self.table.bridge[row] or self.table.tunnel[row]
             heights = self._knots(row)
             d = length / (len(heights) - 1)
             walk = np.array([[d**3 / 3, d**2 / 2], [d**2 / 2, d]])
             step = np.array([[-1.0, -d, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]])
             for j, h in enumerate(heights[:-1]):
                 one = Equation([h, h + 1, h + 2, h + 3], step.T @ np.linalg.inv(walk) @ step)
-                factor = roads.STRUCTURE_FACTOR if built else 1.0
-                one.weight = 1 / (self.usual.at[row] * factor)
+                one.weight = 1 / self.usual.at[row]
                 seen = bool(reached) and min(reached) <= (j + 0.5) * d <= max(reached)
-                self.intervals.append((one, row, factor, seen))
+                self.intervals.append((one, row, seen))
 
     # Drives
 
@@ -230,18 +227,14 @@ class DenseAdjustment:
             one.vector = one.information[0] * self.solution[one.at]
         for one in self.ties:
             one.weight = (roads.NODE_FREEDOM + 1) / (roads.NODE_FREEDOM + one.square(*now))
-        change = np.array([e.square(*now) / f for e, _, f, _ in self.intervals])
-        driven = [
-            (row, c) for (_, row, _, seen), c in zip(self.intervals, change.tolist(), strict=True) if seen
-        ]
+        change = np.array([e.square(*now) for e, *_ in self.intervals])
+        driven = [(row, c) for (_, row, seen), c in zip(self.intervals, change.tolist(), strict=True) if seen]
         self.usual.learn(*zip(*driven, strict=True) if driven else ([], []))
         free = roads.ROUGHNESS_FREEDOM
-        for (one, row, factor, seen), c in zip(self.intervals, change, strict=True):
+        for (one, row, seen), c in zip(self.intervals, change, strict=True):
             # Of intervals that nobody drove nothing tells which are even: their steps have Student's t's own variance.
             usual = self.usual.at[row]
-            one.weight = 1 / (
-                ((free * usual + c) / (free + 2) if seen else free / (free - 2) * usual) * factor
-            )
+            one.weight = 1 / ((free * usual + c) / (free + 2) if seen else free / (free - 2) * usual)
         self.scale = [
             self._learn_walk(series, scale) for series, scale in zip(self.walks, self.scale, strict=True)
         ]

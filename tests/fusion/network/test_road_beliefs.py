@@ -19,7 +19,6 @@ from fusion.network.road_beliefs import (
     NODE_SIGMA_M,
     ROUGHNESS_BOUNDS,
     ROUGHNESS_FREEDOM,
-    STRUCTURE_FACTOR,
     UNSEEN_VARIANCE,
     RoadBeliefs,
 )
@@ -77,13 +76,6 @@ def test_the_roughness_of_roads_is_learned(roughness: float) -> None:
     learned(road, passes)
     # The scale of a Student's t of three degrees of freedom that is fitted to Gaussian steps is smaller than theirs.
     assert 0.4 < np.median(road.usual) / roughness < 1.5
-
-
-def test_bridges_and_tunnels_are_smoother() -> None:
-    table = street(20.0, 20.0, 20.0, bridge=[False, True, False], tunnel=[False, False, True])
-    road = RoadBeliefs(table, [])
-    weights = road.roughness.weight
-    assert weights[1:] / weights[0] == pytest.approx(np.full(2, 1 / STRUCTURE_FACTOR))
 
 
 def test_one_rough_interval_does_not_make_the_others_rough() -> None:
