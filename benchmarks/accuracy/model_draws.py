@@ -13,7 +13,7 @@ import numpy as np
 from accuracy.road_draws import PLANE, DrawnRoad, log_uniform
 from fusion.frames import GRAVITY_MPS2
 from fusion.network.pass_factor import BIAS, CONSTANT_SIGMA, PLACE_TAU_S, SQUAT
-from fusion.profile.factors import MOST_PLACE_SIGMA_M
+from fusion.profile.factors import PLACE_BOUND_M
 from fusion.profile.levels import LEAST_HEIGHT_M
 from fusion.profile.measurements import BARO, PERIOD_S
 from fusion.profile.model import DRIFT_TAU_S, SLOW_MPS, Noise
@@ -170,7 +170,7 @@ def _fixes(
     """Positions on the road, wrong along it by what they state, with drifting altitudes, and the course."""
     n = len(time_s)
     h_acc = float(log_uniform(rng, H_ACC_M))
-    sigma = min(h_acc / np.sqrt(2), MOST_PLACE_SIGMA_M)
+    sigma = min(h_acc / np.sqrt(2), PLACE_BOUND_M)
     shown = along_m + _wander(rng, time_s, sigma, PLACE_TAU_S)
     x, y = (
         np.interp(shown, road.node_m, road.node_xy_m[:, k]) + _POSITION_M * rng.normal(size=n) for k in (0, 1)

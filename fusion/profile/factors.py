@@ -192,7 +192,7 @@ def calm(matrix: Floats, right: Floats, total: float, e: int, left: float) -> fl
 
 MIN_CONFIDENCE = 0.5
 """A traversal that is more probably wrong than right says nothing; with all of them slopes are up to 0.5 % worse."""
-MOST_PLACE_SIGMA_M = 30.0
+PLACE_BOUND_M = 30.0
 """Accuracies that fixes state count no more than this: a guard against absurd ones, as what was matched lies nearer."""
 _SAME_INSTANT_S = 0.2
 
@@ -249,7 +249,7 @@ def place_sigma(path: DrivenPath, fix: GnssFix) -> tuple[Floats, Floats]:
     if stated.any():
         middle = 0.5 * (match.enter_time_s + match.leave_time_s)
         radius = np.interp(middle, fix.time_s[stated], fix.h_acc_m[stated])
-    axis = np.minimum(radius / np.sqrt(2), MOST_PLACE_SIGMA_M)
+    axis = np.minimum(radius / np.sqrt(2), PLACE_BOUND_M)
     correlation = np.exp(-np.maximum(match.leave_time_s - match.enter_time_s, 0.0) / PLACE_TAU_S)
     heading = path.network.heading_rad[match.segment] + np.where(match.forward, 0.0, np.pi)
     along = np.column_stack([np.cos(heading), np.sin(heading)])

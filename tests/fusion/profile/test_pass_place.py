@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fusion.network.pass_factor import EAST, ENTRY, EXIT, NORTH, NUISANCES, PLACE_PART_S, PLACE_TAU_S
-from fusion.profile.factors import MOST_PLACE_SIGMA_M, place_sigma
+from fusion.profile.factors import PLACE_BOUND_M, place_sigma
 from fusion.profile.measurements import ALTITUDE, BARO
 from fusion.profile.model import DRIFT, GRADE, decorrelated
 from fusion.profile.traversals import (
@@ -71,7 +71,7 @@ def test_place_is_as_sure_as_the_fixes_say_along_one_axis() -> None:
     some = np.where(np.arange(len(unknown)) % 3 == 0, 4.0, np.nan)
     assert place_sigma(one.path, replace(fix, h_acc_m=some))[0] == pytest.approx(np.full(n, 4.0 / np.sqrt(2)))
     absurd, _ = place_sigma(one.path, replace(fix, h_acc_m=np.full(len(unknown), 500.0)))
-    assert absurd.tolist() == [MOST_PLACE_SIGMA_M] * n
+    assert absurd.tolist() == [PLACE_BOUND_M] * n
 
 
 def test_a_short_pass_lies_where_its_neighbours_do() -> None:
