@@ -178,10 +178,9 @@ def _repeats(roads: RoadTable, drives: Mapping[int, FusedDrive]) -> RepeatPairs:
     found = []
     for k, one in drives.items():
         passed = {f.segment: f for f in one.result.factors}
-        for said in one.result.slopes:
-            if said.passes == 1 and said.segment in passed:
-                row, name = int(one.rows[said.segment]), device_class(one.result.report)
-                found.append((row, k, name, said, passed[said.segment]))
+        once = [said for said in one.result.slopes if said.passes == 1 and said.segment in passed]
+        name = device_class(one.result.report) if once else ""
+        found += [(int(one.rows[said.segment]), k, name, said, passed[said.segment]) for said in once]
     found.sort(key=lambda own: own[0])
     names = sorted({name for _, _, name, _, _ in found})
     segment = np.array([row for row, *_ in found], np.int64)
