@@ -12,7 +12,7 @@ import numpy as np
 from fusion.methods.base import DriveResult
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
-from fusion.network.control import REACH_M, ControlPoint, place
+from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
 from fusion.network.duplicates import DriveTrace, find_duplicates
 from fusion.network.pass_factor import PassFactor
 from fusion.network.repeats import (
@@ -28,7 +28,7 @@ from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.roads.table import RoadTable
 from fusion.terrain.datum import datum_of_network
 from fusion.terrain.dem import Dem
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
 
 LAG_ROUNDS, LAG_SETTLED_S = 6, 0.3
 """How often factors are made anew for altimeters that are late, and what counts as settled."""
@@ -107,6 +107,14 @@ def solve_network(
         rejected[number] += count == 0
     drives_on = Counter(row for (_, row), count in accepted.items() if count)
     parts = result.parts([drives_on[row] for row in range(len(rows))])
+    of_terrain = result.model.remarks(table) if result.model else ()
+    remarks = [*said, *_unused(far, surveyed, solved), *result.remarks, *of_terrain]
+    known = {row: [part] for row, part in zip(rows.tolist(), parts, strict=True) if part is not None}
+    return SolvedNetwork(known, rejected, duplicates, remarks)
+
+
+def _unused(far: Sequence[ControlPoint], surveyed: ControlHeights, solved: Bools) -> list[str]:
+    """What to say of control points that are no part of the solution."""
     away = [
         f"Control point {point.called} lies more than {REACH_M:g} m from the roads around the drives."
         for point in far
@@ -116,15 +124,7 @@ def solve_network(
         for name, row in zip(surveyed.names, surveyed.row.tolist(), strict=True)
         if not solved[row]
     ]
-    remarks = [
-        *said,
-        *away,
-        *undriven,
-        *result.remarks,
-        *(result.model.remarks(table) if result.model else ()),
-    ]
-    known = {row: [part] for row, part in zip(rows.tolist(), parts, strict=True) if part is not None}
-    return SolvedNetwork(known, rejected, duplicates, remarks)
+    return [*away, *undriven]
 
 
 def network_datum(

@@ -145,8 +145,11 @@ class Widening:
 
 
 def device_class(report: Mapping[str, Any]) -> str:
-    """The strongest sensor that a drive used, by its report, and the format of its log."""
-    sensors = report["sensors"]
+    """The strongest sensor that a drive used, by its report, and the format of its log.
+
+    A method that does not tell its sensors is taken for one that knows the elevation model alone.
+    """
+    sensors = report.get("sensors", {})
     strongest = next((name for name in ("doppler", "barometer", "altitude") if name in sensors), "")
     if strongest == "altitude" and report.get("altimeter"):
         strongest = "altimeter"

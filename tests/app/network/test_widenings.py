@@ -208,6 +208,11 @@ def test_classes_are_the_same_in_the_database_and_for_logs_at_hand(sessions: Ses
             describe(sessions, drive, list(used), altimeter)
             report = {"format": "csv", "sensors": {name: {} for name in used}, "altimeter": altimeter}
             made[drive] = learned.device_class(report)
+    silent = new_drive(sessions)
+    with sessions.begin() as session:
+        change = text("""UPDATE drives SET report = '{"format": "csv"}' WHERE id = :id""")
+        session.execute(change.bindparams(id=silent))
+    made[silent] = learned.device_class({"format": "csv"})
     statement = text(f"SELECT id, {DEVICE_CLASS.format('d')} AS name FROM drives AS d")
     with sessions() as session:
         assert {row.id: row.name for row in session.execute(statement)} == made
