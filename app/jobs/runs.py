@@ -32,8 +32,11 @@ LONGEST_PAUSE_S = 600
 ONCE_AGAIN_S = 1.0
 """Pause before a job of which one is enough is asked for anew, having lost the database."""
 
-LEEWAY = 1.1
-"""A run that takes so many times its limit does not look at it any more: its process is given up."""
+LEEWAY, LEEWAY_S = 1.1, 5.0
+"""A run that takes so many times its limit, and so much more, does not look at it any more: its process is given up.
+
+Without the seconds a short limit would give up processes whose runs look, only not that often.
+"""
 
 _CONNECTIONS = 5  # of the queue: fetching, listening, heartbeat, looking after stalled jobs
 
@@ -102,7 +105,7 @@ class Runs:
 
     def overdue(self) -> list[Run]:
         """Those that took longer than they may and do not look."""
-        return [run for run in tuple(self.current.values()) if run.took_s > run.limit_s * LEEWAY]
+        return [run for run in tuple(self.current.values()) if run.took_s > run.limit_s * LEEWAY + LEEWAY_S]
 
     def perform(self, task: Task, context: procrastinate.JobContext, arguments: Mapping[str, Any]) -> str:
         """Run the job to its end, or say to the queue what is to become of it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,7 +14,7 @@ from sqlalchemy.exc import OperationalError
 from app.core.db import Sessions
 from app.jobs import runs
 from app.jobs.computations import Liveness
-from app.jobs.runs import LONGEST_PAUSE_S, MAX_DEATHS, Runs, make_queue
+from app.jobs.runs import LEEWAY_S, LONGEST_PAUSE_S, MAX_DEATHS, Runs, make_queue
 from app.jobs.task import Interrupted, Kind, Task, Work, add_job
 from fusion.errors import FusionError
 
@@ -207,3 +208,21 @@ def test_a_run_beyond_its_limit_is_told_so(queue: Queue) -> None:
     _, (word, kind, reason, _) = queue.work(look)
     assert (word, kind) == ("given up", "too-long")
     assert "took longer than" in reason
+
+
+def test_a_run_just_beyond_a_short_limit_may_still_look(queue: Queue) -> None:
+    """Its process, which may hold other work, is given up only when it doesn't look for seconds."""
+    queue.add(queue.kinds[0])
+    queue.runs.limit_s = 1e-6
+    overdue: list[list[int]] = []
+
+    def linger(_: Work) -> None:
+        (run,) = queue.runs.current.values()
+        overdue.append([late.job for late in queue.runs.overdue()])
+        queue.runs.current[run.job] = replace(run, began_s=run.began_s - 2 * LEEWAY_S)
+        overdue.append([late.job for late in queue.runs.overdue()])
+
+    queue.work(linger)
+    none, late = overdue
+    assert none == []
+    assert len(late) == 1
