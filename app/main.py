@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import asyncio
 import uuid
-from collections.abc import AsyncIterator, Callable, Collection, Mapping
+from collections.abc import AsyncIterator, Callable, Collection, Iterator, Mapping
 from contextlib import asynccontextmanager, suppress
 from functools import partial
 from typing import Any
 
 from anyio import CapacityLimiter
 from fastapi import APIRouter, FastAPI
+from fastapi.routing import APIRoute
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 
+from app.access import routes as access
+from app.access.callers import Callers
+from app.access.gate import Gate
 from app.changes import routes as changes
 from app.changes.routes import Live
 from app.changes.webhooks import routes as webhooks
 from app.core import middleware
 from app.core.admission import MORE_CONNECTIONS, Admission, RequestClass, Turnstile, make_request_classes
 from app.core.blobs import BlobStore
+from app.core.caller import SERVICE, as_caller, guard
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.disconnects import EndWithClient
 from app.core.http import Service
@@ -58,6 +63,7 @@ from app.ops.admin import routes as admin
 from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
+    access.router,
     upload.router,
     methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's
@@ -99,6 +105,7 @@ documents (RFC 9457): what takes too long, or is asked for by too many at once, 
 `Retry-After`; a request under a host name that is not the service's by 421. {landing.BIND_NOTE}"""
 
 TAGS = {
+    "access": "Who may ask for what: logging in, keys, owners.",
     "drives": "Upload logs and look at what became of them.",
     "segments": "One road segment, and the drives behind its slope.",
     "map": "All road segments, as OGC API Features.",
@@ -156,6 +163,7 @@ def _middleware(
         Middleware(RequestLog, observe=figures.observe),
         Middleware(middleware.KnownHosts, settings=settings),
         *([Middleware(middleware.PublishedCors, origins=settings.origins)] if settings.origins else []),
+        Middleware(Gate, settings=settings, routes=[*known_routes()]),
         Middleware(TileFront, max_zoom=settings.tile_max_zoom),
         Middleware(EndWithClient),
         Middleware(middleware.EarlyAnswers),
@@ -181,6 +189,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         url, pool_size=settings.db_pool_size, max_overflow=MORE_CONNECTIONS, patience=patience
     )
     probing = make_engine(url, pool_size=1, max_overflow=1, patience=patience)
+    guard(engine)
     app.state.service = Service(
         settings,
         engine,
@@ -190,6 +199,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         session_factory(probing),
         CapacityLimiter(2),
     )
+    app.state.callers = Callers(url, session_factory(engine))
+    app.state.attempts = access.Attempts()
     app.state.drawing = Drawing(settings.pictures_waiting)
     streams = Shares(settings.events_max, settings.events_per_client)
     app.state.feed = feed.Feed(
@@ -197,7 +208,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     )
     app.state.tiles = Tiles(url, settings, app.state.request_classes)
     app.state.live = Live(app.state.tiles.watch, streams)
-    running = (app.state.feed.run(), app.state.tiles.run(), app.state.live.run())
+    running = (app.state.callers.run(), app.state.feed.run(), app.state.tiles.run(), app.state.live.run())
     beside = [asyncio.create_task(one) for one in running]
     try:
         yield
@@ -213,8 +224,19 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 
 def _read_drives(sessions: Sessions, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Drive]:
-    with sessions() as session:
+    with (
+        as_caller(SERVICE),
+        sessions() as session,
+    ):  # for all who follow; each was let to it by its own rights
         return get_drives(session, ids)
+
+
+def known_routes() -> Iterator[tuple[str, str]]:
+    """Method and path of every route, in the order in which they are asked."""
+    for router in ROUTERS:
+        for route in router.routes:
+            if isinstance(route, APIRoute):
+                yield from ((method, route.path) for method in sorted(route.methods or ()))
 
 
 def _gauges(app: FastAPI) -> metrics.Gauges | None:

@@ -90,11 +90,16 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def environment_of_nobody() -> Iterator[None]:
-    """Tests see no setting of the person who runs them, and no test reaches that person's data folder."""
+    """Tests see no setting of the person who runs them, and no test reaches that person's data folder.
+
+    Services of tests ask for no keys, but for those that are about keys, which say ``access="keys"``.
+    """
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as home:
         for name in [n for n in os.environ if n.startswith(ENV_PREFIX)]:
             patch.delenv(name)
         patch.setenv("XDG_DATA_HOME", home)
+        patch.setenv("VERSANT_ACCESS", "open")
+        patch.setenv("VERSANT_OPEN_TO_NETWORK", "true")
         get_settings.cache_clear()
         yield
         get_settings.cache_clear()

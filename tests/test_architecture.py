@@ -32,8 +32,10 @@ TOP_LEVEL = {
 SQL_PLACES = {
     Path("app") / place
     for place in (
+        "access/store.py",
         "changes/store.py",
         "changes/webhooks/store.py",
+        "core/caller.py",
         "core/databases.py",
         "core/schema.py",
         "core/telemetry/audit.py",

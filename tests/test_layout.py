@@ -49,6 +49,7 @@ drives and their tables, and the front door, which offers names of the rooms to 
 of them before it is asked for."""
 
 SERVICE = {
+    "access": {"core"},
     "core": set(),
     "embedded": {"core"},
     "jobs": {"core"},
@@ -60,10 +61,11 @@ SERVICE = {
     "ops": {"core", "drives", "map", "network", "roads"},
     "upkeep": {"changes", "core", "drives", "embedded", "network", "ops", "terrain"},
     "operations": {"core", "jobs", "map", "network", "roads", "terrain"},
-    "main": {"changes", "core", "drives", "exports", "map", "operations", "ops", "web"},
+    "main": {"access", "changes", "core", "drives", "exports", "map", "operations", "ops", "web"},
     "web": {"core", "map"},
     "changes": {"core", "jobs", "network"},
     "cli": {
+        "access",
         "core",
         "drives",
         "embedded",

@@ -10,6 +10,10 @@ ServiceError            a request cannot be answered as asked
 ├── SlowClientError          a head or body that does not arrive
 ├── UnsupportedBodyError     a body of a kind that is not taken
 ├── NotAcceptableError       a representation that does not exist
+├── UnauthorizedError        nobody may ask for it, and whoever asks is nobody
+├── ForbiddenError           the key is not for that
+├── ConflictError            there is one of that name already
+├── TooOftenError            somebody tries again and again
 ├── CrossOriginWriteError    a page of another site asks for a change
 ├── StorageFullError         there is no room for what was sent
 ├── UnknownHostError         the request came under a name that is not the service's
@@ -118,6 +122,30 @@ class NotAcceptableError(ServiceError):
     answer = (406, "not-acceptable", "Not acceptable")
 
 
+class UnauthorizedError(ServiceError):
+    """It needs a key: send one as `Authorization: Bearer vsk_...`, or log in at /login."""
+
+    answer = (401, "unauthorized", "A key is needed")
+
+
+class ForbiddenError(ServiceError):
+    """The scope of the key is too small for it."""
+
+    answer = (403, "forbidden", "Not for this key")
+
+
+class ConflictError(ServiceError):
+    """There is one of that name already."""
+
+    answer = (409, "conflict", "Already there")
+
+
+class TooOftenError(ServiceError):
+    """It was tried too often; wait as long as Retry-After says."""
+
+    answer = (429, "too-often", "Too often")
+
+
 class CrossOriginWriteError(ServiceError):
     """Pages of other sites may not change data."""
 
@@ -220,6 +248,7 @@ STATUS_KINDS: Mapping[int, Kind] = {
     400: Kind(
         400, "unreadable-body", "Unreadable body", "The body is no JSON in UTF-8, or nested too deeply."
     ),
+    401: KINDS[UnauthorizedError],
     404: KINDS[NotFoundError],
     405: Kind(405, "method-not-allowed", "Method not allowed", "The Allow header lists what is."),
     406: KINDS[NotAcceptableError],

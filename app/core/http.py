@@ -210,6 +210,7 @@ _PROBLEMS: dict[int, dict[str, Any]] = {
     kind.status: _described(kind, *detail)
     for kind, *detail in (
         (errors.KINDS[errors.BadQueryError], "bbox: it needs 4 numbers.", "bbox"),
+        (errors.KINDS[errors.UnauthorizedError], "This needs a key. Send one, or log in at /login."),
         (errors.KINDS[errors.CrossOriginWriteError], "Do it from this site."),
         (errors.KINDS[errors.NotFoundError], "There is no such thing. It may have been deleted."),
         (errors.KINDS[errors.NotAcceptableError], "Ask for application/json or image/png."),
@@ -219,6 +220,10 @@ _PROBLEMS: dict[int, dict[str, Any]] = {
         (errors.KINDS[errors.UnsupportedBodyError], "Send the log as it is or gzipped."),
         (errors.STATUS_KINDS[416], "The file has 498112 bytes."),
         (errors.KINDS[BadOptionsError], "particles: it must be at least 1.", "particles"),
+        (
+            errors.KINDS[errors.TooOftenError],
+            "10 attempts a minute are enough. Wait a minute, then try again.",
+        ),
         (errors.KINDS[errors.NotReadyError], "The database does not answer."),
         (errors.KINDS[errors.StorageFullError], "The service's storage is full. Send it again later."),
     )

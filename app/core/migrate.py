@@ -23,7 +23,7 @@ from sqlalchemy.orm import Session
 
 from app.core import databases
 from app.core.db import make_engine
-from app.core.schema import bring_queue_up, schema_state
+from app.core.schema import bring_queue_up, give_rights, schema_state
 from app.core.settings.places import sqlalchemy_url
 from fusion.errors import FusionError
 
@@ -81,6 +81,7 @@ def upgrade(url: str, revision: str = HEAD, *, finish: bool = False) -> None:
         command.upgrade(alembic_config(url), revision)
         for name in bring_queue_up(url, finish=finish):
             logger.info("the queue's schema: %s", name)
+        give_rights(url)
 
 
 def downgrade(url: str, revision: str = "base") -> None:

@@ -16,6 +16,7 @@ from procrastinate.schema import SchemaManager
 from sqlalchemy import Connection, text
 from sqlalchemy.orm import Session
 
+from app.core.caller import API_ROLE, ROLES
 from app.core.settings.places import libpq_url
 
 _HAS_TABLE = text("SELECT to_regclass(:name) IS NOT NULL")
@@ -27,8 +28,32 @@ _SUPPORT = text("""
 """)
 
 _APPLIED = "SELECT name FROM queue_migrations"
+_HAS_OWNERS = "SELECT to_regclass('owners') IS NOT NULL"
 _HAS_RECORD = "SELECT to_regclass('queue_migrations') IS NOT NULL"
 _RECORD = "INSERT INTO queue_migrations (name) VALUES (%s) ON CONFLICT DO NOTHING"
+_ROLE = """
+    DO $$ BEGIN
+        IF NOT EXISTS (SELECT FROM pg_roles WHERE rolname = '{role}') THEN CREATE ROLE {role} NOLOGIN; END IF;
+    EXCEPTION WHEN duplicate_object OR unique_violation THEN NULL;  -- another database of this server, just now
+    END $$
+"""
+_JOIN = "GRANT {role} TO {member}"
+_IS_MEMBER = "SELECT pg_has_role(CAST(:member AS name), CAST(:role AS name), 'MEMBER')"
+# Each once: a right that is given again is a new row of the catalogue.
+_GIVE = """
+    DO $$ DECLARE name text; BEGIN
+        FOR name IN SELECT c.oid::regclass::text FROM pg_class AS c
+                    WHERE c.relnamespace = current_schema()::regnamespace AND c.relkind IN ('r', 'p', 'v')
+                      AND pg_has_role(c.relowner, 'USAGE') AND NOT has_table_privilege('{role}', c.oid, 'DELETE') LOOP
+            EXECUTE 'GRANT SELECT, INSERT, UPDATE, DELETE ON ' || name || ' TO {role}';
+        END LOOP;
+        FOR name IN SELECT s.seqrelid::regclass::text FROM pg_sequence AS s JOIN pg_class AS c ON c.oid = s.seqrelid
+                    WHERE c.relnamespace = current_schema()::regnamespace
+                      AND NOT has_sequence_privilege('{role}', s.seqrelid, 'USAGE') LOOP
+            EXECUTE 'GRANT USAGE, SELECT ON SEQUENCE ' || name || ' TO {role}';
+        END LOOP;
+    END $$
+"""
 _COMMENT = "COMMENT ON TABLE procrastinate_jobs IS {}"
 
 
@@ -58,6 +83,27 @@ def note_support(connection: Connection, oldest_program: str) -> None:
     """Note the revision of the oldest programs that work with the schema as it is now."""
     if _has(connection, "schema_support"):
         connection.execute(_SUPPORT, {"revision": oldest_program})
+
+
+def ensure_roles(connection: Connection) -> None:
+    """Make the roles of callers (``app.core.caller``) where the server lacks them, and let this user become each.
+
+    Roles are the server's, not the database's. A user who may not make roles is told so by the database.
+    """
+    user = str(connection.execute(text("SELECT current_user")).scalar_one())
+    quote = connection.dialect.identifier_preparer.quote
+    for role in ROLES.values():
+        connection.execute(text(_ROLE.format(role=role)))
+        for member, group in ((user, role), (role, API_ROLE)):
+            if not connection.execute(text(_IS_MEMBER), {"member": member, "role": group}).scalar_one():
+                connection.execute(text(_JOIN.format(role=group, member=quote(member))))
+
+
+def give_rights(url: str) -> None:
+    """Let the API's roles use every table and sequence that there is; row level security says which rows."""
+    with psycopg.connect(libpq_url(url), autocommit=True) as connection:
+        if (connection.execute(_HAS_OWNERS).fetchone() or (False,))[0]:
+            connection.execute(_GIVE.format(role=API_ROLE))
 
 
 def queue_files() -> list[str]:

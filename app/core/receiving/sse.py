@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Collection
+from collections.abc import AsyncIterable, AsyncIterator, Awaitable, Callable, Collection
 from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
 from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
+from app.core.caller import STILL_KNOWN
 from app.core.errors import BusyError
 from app.core.http import text_answer
 from app.core.receiving.clients import Shares, present_client
@@ -142,6 +143,16 @@ async def events_of(
         news = await follower.next(within_s=HEARTBEAT_S)
 
 
+async def _while_known(
+    still_known: Callable[[], Awaitable[bool]], events: AsyncIterable[Any]
+) -> AsyncIterator[Any]:
+    """The events until the key that the caller showed is good no longer."""
+    async for one in events:
+        if not await still_known():
+            return
+        yield one
+
+
 class EventStream(StreamingResponse):
     """The events of one follower, who leaves with the client."""
 
@@ -151,6 +162,8 @@ class EventStream(StreamingResponse):
         self._leave = leave
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if (still_known := scope.get(STILL_KNOWN)) is not None:
+            self.body_iterator = _while_known(still_known, self.body_iterator)
         try:
             await super().__call__(scope, receive, send)
         finally:

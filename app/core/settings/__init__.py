@@ -9,10 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import lru_cache
-from ipaddress import IPv4Network, IPv6Network, ip_network
+from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, SecretStr, ValidationError, model_validator
 from pydantic_settings import SettingsConfigDict
 
 from app.core.settings.places import GIB, Places
@@ -69,6 +70,15 @@ def _networks(text: str) -> str:
     return text
 
 
+def is_loopback(host: str) -> bool:
+    """Whether the name or address is this machine's own."""
+    name = host.strip("[]").lower().rstrip(".")
+    try:
+        return name == "localhost" or ip_address(name).is_loopback
+    except ValueError:
+        return False
+
+
 HttpUrlText = Annotated[str, AfterValidator(_http_url)]
 LoginUrlText = Annotated[str, AfterValidator(_login_url)]
 Zoom = Annotated[int, Field(ge=0, le=24)]
@@ -80,6 +90,19 @@ class Settings(Places):
     model_config = SettingsConfigDict(
         env_prefix=ENV_PREFIX, env_ignore_empty=True, frozen=True, extra="forbid"
     )
+
+    # Who may ask for what
+    access: Literal["keys", "open"] = "keys"
+    """Whom the API answers: whoever has a key for what is asked (keys), or everybody for everything (open). Open is for
+    a service that only this machine reaches; OPEN_TO_NETWORK allows it elsewhere."""
+    open_to_network: bool = False
+    """Whether ACCESS may be open though others reach the service: everybody who does may then read and remove every
+    drive."""
+    public_map: Literal["live", "off"] | None = None
+    """What is answered without a key: the map as it is now (live), or nothing of it (off). A map that changes when a
+    drive arrives gives the drive away. Unset: live where only this machine reaches the service, else off."""
+    key: SecretStr | None = None
+    """The key that `versant upload` and other clients send; unset: that of the data folder, to this machine alone."""
 
     # Before every route of the API: whom it believes, and what one client may hold of it
     cors_origins: Annotated[str, AfterValidator(_origins)] | None = None
@@ -103,7 +126,7 @@ class Settings(Places):
 
     # The API
     host: str = "127.0.0.1"
-    """Address that the API listens on. There is no access control yet, so by default only this machine reaches it."""
+    """Address that the API listens on; by default only this machine reaches it."""
     port: int = Field(8000, ge=0, le=65535)
     """TCP port of the API; 0 lets the system choose."""
     public_url: HttpUrlText | None = None
@@ -218,7 +241,25 @@ class Settings(Places):
         if not self.tile_min_zoom <= self.tile_full_zoom <= self.tile_max_zoom:
             order = "tile_min_zoom, tile_full_zoom, tile_max_zoom"
             raise ValueError(f"the zoom levels must be in the order {order}")
+        if self.access == "open" and not (self.is_local or self.open_to_network):
+            raise ValueError(
+                "access must not be open where others reach the service (host, public_url, allowed_hosts or "
+                "trusted_proxies say so); set VERSANT_OPEN_TO_NETWORK=true as well if everybody who reaches it may "
+                "read and remove every drive"
+            )
         return self
+
+    @property
+    def is_local(self) -> bool:
+        """Whether only this machine reaches the service, as far as the settings tell."""
+        public = urlsplit(self.public_url or "").hostname
+        others = self.trusted_proxies or any(not is_loopback(name) for name in self.host_names)
+        return is_loopback(self.host) and not others and (public is None or is_loopback(public))
+
+    @property
+    def shown_map(self) -> Literal["live", "off"]:
+        """What is answered without a key."""
+        return self.public_map or ("live" if self.is_local else "off")
 
     @property
     def origins(self) -> tuple[str, ...]:

@@ -85,6 +85,14 @@ class OneRow:
     id: Mapped[int] = mapped_column(sa.SmallInteger, primary_key=True, autoincrement=False)
 
 
+class Owned:
+    """Belongs to an owner: of what an insert doesn't say it, to the caller's, or to the operator."""
+
+    owner_id: Mapped[int] = mapped_column(
+        sa.ForeignKey("owners.id"), server_default=sa.text("versant_owner()")
+    )
+
+
 class Followed:
     """Who asked when, and how far it is."""
 
@@ -184,13 +192,15 @@ class Segment(Numbered, Road, Base):
 _NAME = "left(lower(filename), 100)"  # of collation "C", of which reflected indexes say nothing
 
 
-class Drive(Followed, Base):
+class Drive(Followed, Owned, Base):
     """An uploaded log and what became of it."""
 
     __tablename__ = "drives"
 
-    sha256: Mapped[str] = mapped_column(unique=True)
-    content_sha256: Mapped[str | None] = mapped_column(unique=True)
+    sent_by: Mapped[uuid.UUID | None] = mapped_column(server_default=sa.text("versant_key()"))
+    """The key that it was sent with: one that may only upload sees this drive and no other."""
+    sha256: Mapped[str]
+    content_sha256: Mapped[str | None]
     """Of what the bytes unpack to (``app.core.content``); NULL of drives from before it was computed."""
     filename: Mapped[str]
     size_bytes: Mapped[int] = mapped_column(sa.BigInteger)
@@ -220,6 +230,10 @@ class Drive(Followed, Base):
 
     __table_args__ = (
         *status_constraints(*DRIVE_STATUSES),
+        # The same log is one drive of an owner. That another owner has it is not to be told by an upload.
+        sa.UniqueConstraint("owner_id", "sha256"),
+        sa.UniqueConstraint("owner_id", "content_sha256"),
+        sa.Index(None, "owner_id", "created_at", "id"),
         sa.Index(None, "created_at", "id"),
         sa.Index(None, "status", "created_at", "id"),
         sa.Index(None, "queued_at", **where("status = 'queued'")),

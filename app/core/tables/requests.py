@@ -13,7 +13,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import Base, Followed, Numbered, OneRow, goes_with, status_constraints, where
+from app.core.tables import Base, Followed, Numbered, OneRow, Owned, goes_with, status_constraints, where
 
 
 class RequestColumns(Followed):
@@ -25,7 +25,7 @@ class RequestColumns(Followed):
     """How often it went back into the queue to let others go first."""
 
 
-class Export(RequestColumns, Base):
+class Export(RequestColumns, Owned, Base):
     """A file that was asked for: what is to be in it, how far it is, and where it is kept."""
 
     __tablename__ = "exports"
@@ -52,6 +52,7 @@ class Export(RequestColumns, Base):
 
     __table_args__ = (
         *status_constraints("queued", "running", "done", "failed", "cancelled"),
+        sa.Index(None, "owner_id", "created_at", "id"),
         sa.Index(None, "created_at", "id"),
     )
 
@@ -82,7 +83,7 @@ class Operation(RequestColumns, Base):
     )
 
 
-class AuditEntry(Numbered, Base):
+class AuditEntry(Numbered, Owned, Base):
     """That somebody removed something, or asked for work in bulk, over HTTP. Rows are added, never changed."""
 
     __tablename__ = "audit_log"
@@ -137,7 +138,7 @@ class DriveTrial(RequestColumns, Base):
     )
 
 
-class Batch(Numbered, Base):
+class Batch(Numbered, Owned, Base):
     """One request to process many drives again."""
 
     __tablename__ = "batches"
@@ -158,6 +159,7 @@ class Batch(Numbered, Base):
         # Who asks for the same again while it is being enqueued goes on with it.
         sa.Index(
             "uq_batches_enqueuing",
+            "owner_id",
             "selection",
             sa.text("coalesce(method, '')"),
             unique=True,
@@ -166,7 +168,7 @@ class Batch(Numbered, Base):
     )
 
 
-class DriveCounts(Numbered, Base):
+class DriveCounts(Numbered, Owned, Base):
     """By how much a transaction changed the number of drives of a kind; triggers on ``drives`` write it.
 
     The sum over all rows of a kind is what there is of it. Rows are added, never changed: workers do not meet.

@@ -12,7 +12,7 @@ from geoalchemy2 import WKBElement
 from sqlalchemy.dialects.postgresql import ARRAY, TEXT
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import SRID_DEGREES, SRID_TILES, Base, OneRow, Road, goes_with, shape, where
+from app.core.tables import SRID_DEGREES, SRID_TILES, Base, OneRow, Owned, Road, goes_with, shape, where
 
 DRAWN_LEVELS = (12, 10, 8, 6)
 """Each is drawn at this zoom and at the one below."""
@@ -184,7 +184,7 @@ class ChangeEpoch(OneRow, Base):
     __table_args__ = (sa.CheckConstraint("id = 1", name="singleton"),)
 
 
-class Webhook(Base):
+class Webhook(Owned, Base):
     """An address that is told of events (``app.changes.webhooks``)."""
 
     __tablename__ = "webhooks"

@@ -13,6 +13,7 @@ from sqlalchemy import Engine, create_engine, inspect, text
 from sqlalchemy.orm import Session
 
 from app.core import migrate
+from app.core.caller import OPERATOR_OWNER
 from app.core.tables import DRIVE_STATUSES, Base
 from app.network.publish import refresh_aggregates
 from fusion.network.combine import NETWORK_ONLY
@@ -98,7 +99,7 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
     assert added[:4] == [
         {"dem_heights_m", "cell", "regions"},
         {"duplicate_of", "batch_id", "before_batch", "content_sha256"}
-        | {"failure_version", "computed_at", "traceparent"},
+        | {"failure_version", "computed_at", "traceparent", "owner_id", "sent_by"},
         {"road_state"},
         {"in_network"},
     ]
@@ -108,9 +109,10 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
         row[name]
         for found, names in zip(after, added, strict=True)
         for row in found
-        for name in names - {"cell", "regions"}
+        for name in names - {"cell", "regions", "owner_id"}
     ]
     assert {value for value in new if value is not False} == {None}
+    assert after[1][0]["owner_id"] == OPERATOR_OWNER
     assert after[0][0]["regions"] == [1]
     assert rows_of(engine, "SELECT id, name, source_name, segments FROM regions") == [(1, "x", "x", 1)]
     with Session(engine) as session:

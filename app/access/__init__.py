@@ -1,0 +1,1 @@
+"""Who may ask for what: owners, keys, sessions, the table of routes and the gate before all of them."""

@@ -1,0 +1,151 @@
+"""The gate: finds out who a request is from, and lets it pass or refuses it, before anything of it is read.
+
+It stands before the way of tiles and before every route. A caller is known by a key (``Authorization: Bearer``, or
+Basic with the key as password, as GDAL and QGIS send it) or by the cookie of a session. What the caller then sees of a
+table is the database's business (``app.core.caller``).
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from starlette.datastructures import Headers
+from starlette.requests import cookie_parser
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from app.access.callers import Callers, Kind
+from app.access.rules import Rule, Rules
+from app.core.caller import NOBODY, SERVICE, STILL_KNOWN, Caller, as_caller
+from app.core.caller import Scope as CallerScope
+from app.core.errors import CrossOriginWriteError, ForbiddenError, ServiceError, UnauthorizedError
+from app.core.middleware import CHANGING, EarlyAnswers
+from app.core.problems import refuse
+from app.core.settings import Settings
+
+SECURE_COOKIE = "__Host-versant"
+"""A browser takes it from this very host alone, and only by https."""
+SESSION_PATH = "/v1/session"
+KNOWN, _ERROR = "versant.known", "versant.error"
+"""What the scope of a request has of its caller (``Known``), and why it is refused."""
+_CHALLENGE, _CHALLENGE_PROGRAMS = 'Bearer realm="Versant"', 'Bearer realm="Versant", Basic realm="Versant"'
+_NEEDS: dict[Rule, CallerScope] = {Rule.UPLOAD: "upload", Rule.OWN: "own", Rule.OPERATE: "operate"}
+
+
+@dataclass(frozen=True)
+class Credential:
+    """What a request shows."""
+
+    kind: Kind
+    secret: str
+
+
+def cookie_name(scope: Scope) -> str:
+    """The name of the cookie of sessions.
+
+    By plain http a cookie goes to every service of this machine, so its name has the port.
+    """
+    if scope.get("scheme") == "https":
+        return SECURE_COOKIE
+    return f"versant-{(scope.get('server') or ('', 0))[1]}"
+
+
+def credential_of(scope: Scope) -> Credential | None:
+    """The key or session that a request shows, whether or not it is one; None: it shows none."""
+    headers = Headers(scope=scope)
+    if (authorization := headers.get("authorization")) is not None:
+        return Credential("key", _key_of(authorization))
+    cookies = cookie_parser(headers.get("cookie", ""))
+    secret = cookies.get(cookie_name(scope))
+    return None if not secret else Credential("session", secret)
+
+
+def _key_of(authorization: str) -> str:
+    kind, _, rest = authorization.partition(" ")
+    if kind.lower() == "basic":
+        try:
+            return base64.b64decode(rest.strip(), validate=True).decode().partition(":")[2]
+        except (binascii.Error, UnicodeDecodeError):
+            return ""
+    return rest.strip() if kind.lower() == "bearer" else ""
+
+
+class Gate:
+    """Lets requests pass that the rules allow to whoever asks."""
+
+    def __init__(self, app: ASGIApp, settings: Settings, routes: Sequence[tuple[str, str]]) -> None:
+        self.app = app
+        self._open = settings.access == "open"
+        self._map: CallerScope = "nobody" if settings.shown_map == "live" else "own"
+        self._rules = Rules(routes)
+        # What an upload still sends is read for a while, so that its client reads the refusal.
+        self._refusal = EarlyAnswers(_refuse)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on as its caller's, or refuse it."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        if self._open:
+            await self._pass(SERVICE, scope, receive, send)
+            return
+        rule = self._rules.of(scope["method"], scope["path"])
+        if rule is Rule.OPEN and scope["path"] != SESSION_PATH:
+            await self._pass(NOBODY, scope, receive, send)
+            return
+        credential = credential_of(scope)
+        callers: Callers = scope["app"].state.callers
+        known = None if credential is None else await callers.find(credential.kind, credential.secret)
+        caller = NOBODY if known is None else known.caller
+        error = self._error(rule, caller, credential, scope)
+        if error is not None:
+            await self._refusal({**scope, _ERROR: error}, receive, send)
+            return
+        if credential is not None and known is not None:
+            shown, known_as = credential, known.caller
+
+            async def still_known() -> bool:
+                now = await callers.find(shown.kind, shown.secret)
+                return now is not None and now.caller == known_as
+
+            scope[STILL_KNOWN], scope[KNOWN] = still_known, known
+        await self._pass(caller, scope, receive, send)
+
+    async def _pass(self, caller: Caller, scope: Scope, receive: Receive, send: Send) -> None:
+        with as_caller(caller):
+            await self.app(scope, receive, send)
+
+    def _error(
+        self, rule: Rule, caller: Caller, credential: Credential | None, scope: Scope
+    ) -> ServiceError | None:
+        if rule is Rule.OPEN:
+            return None
+        if caller is NOBODY and credential is not None and credential.kind == "key":
+            return UnauthorizedError(
+                "The key is none of this service's, or it is revoked or expired. Ask whoever runs the service for one."
+            )
+        need = self._map if rule is Rule.MAP else _NEEDS[rule]
+        if not caller.may(need):
+            if caller is NOBODY:
+                return UnauthorizedError(
+                    "This needs a key. Send one as `Authorization: Bearer vsk_...`, or log in at /login."
+                )
+            return ForbiddenError(f"This needs a key of scope {need}; this one has {caller.scope}.")
+        if credential is not None and credential.kind == "session" and scope["method"] in CHANGING:
+            # A browser says where a change comes from. Where nothing is said it may be a page of another site.
+            headers = Headers(scope=scope)
+            if "origin" not in headers and "sec-fetch-site" not in headers:
+                return CrossOriginWriteError("The browser does not say which page asks for this change.")
+        return None
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:
+    error: ServiceError = scope[_ERROR]
+    headers = {}
+    if isinstance(error, UnauthorizedError):
+        # A browser would answer Basic by a window of its own, in front of the page that leads to the login.
+        browser = "sec-fetch-mode" in Headers(scope=scope)
+        headers = {"WWW-Authenticate": _CHALLENGE if browser else _CHALLENGE_PROGRAMS}
+    await refuse(error, scope, receive, send, **headers)

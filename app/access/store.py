@@ -1,0 +1,233 @@
+"""Owners, keys, sessions and login links in the database. Callers own the transaction.
+
+A secret is 256 random bits, told once and kept as its SHA-256 alone. So finding it by an index tells nobody anything by
+the time that it takes: who asks would have to know hashes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import uuid
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta
+from typing import Any
+
+from sqlalchemy import Row, text
+from sqlalchemy.orm import Session
+
+from app.core.caller import Caller, Scope
+from app.core.errors import ConflictError
+
+KEY_PREFIX = "vsk_"
+"""By it those who look for secrets in published code find a key."""
+SECRET_BYTES = 32
+SESSION_TIME = timedelta(hours=12)
+LINK_TIME = timedelta(hours=1)
+
+_KEYS = """
+    SELECT k.id, k.label, k.scope, k.owner_id, o.name AS owner, k.created_at, k.expires_at, k.last_used_on, k.revoked_at
+    FROM keys AS k JOIN owners AS o ON o.id = k.owner_id
+"""
+_LIST = text(
+    _KEYS
+    + " WHERE :owner_id IS NULL OR k.owner_id = CAST(:owner_id AS bigint) ORDER BY o.name, k.created_at, k.id"
+)
+_KEY = text(_KEYS + " WHERE k.id = :id")
+_IS_VALID = "k.revoked_at IS NULL AND (k.expires_at IS NULL OR k.expires_at > now())"
+_BY_SECRET = f"""
+    SELECT k.scope, k.owner_id, k.id, k.expires_at, k.last_used_on FROM keys AS k
+    WHERE k.secret_sha256 = :secret AND {_IS_VALID}
+"""  # noqa: S608 - constants
+_BY_SESSION = f"""
+    SELECT k.scope, k.owner_id, k.id, least(s.expires_at, k.expires_at) AS expires_at, k.last_used_on
+    FROM sessions AS s JOIN keys AS k ON k.id = s.key_id
+    WHERE s.secret_sha256 = :secret AND s.expires_at > now() AND {_IS_VALID}
+"""  # noqa: S608 - constants
+_USED = text("UPDATE keys SET last_used_on = :day WHERE id = :id AND last_used_on IS DISTINCT FROM :day")
+_CREATE_KEY = text("""
+    INSERT INTO keys (id, owner_id, label, scope, secret_sha256, expires_at)
+    VALUES (:id, :owner_id, :label, :scope, :secret, :expires_at)
+""")
+_REVOKE = text("UPDATE keys SET revoked_at = coalesce(revoked_at, now()) WHERE id = :id RETURNING id")
+_ROTATE = text("UPDATE keys SET secret_sha256 = :secret WHERE id = :id AND revoked_at IS NULL RETURNING id")
+_END_SESSIONS = text("DELETE FROM sessions WHERE key_id = :id")
+_DROP_LINKS = text("DELETE FROM login_links WHERE key_id = :id")
+_OWNERS = """
+    SELECT o.id, o.name, o.created_at,
+           (SELECT count(*) FROM keys AS k WHERE k.owner_id = o.id AND k.revoked_at IS NULL) AS keys,
+           (SELECT coalesce(sum(c.drives), 0)::bigint FROM drive_counts AS c
+            WHERE c.owner_id = o.id AND c.status <> 'cancelled') AS drives
+    FROM owners AS o
+"""
+_CREATE_OWNER = text("INSERT INTO owners (name) VALUES (:name) ON CONFLICT (name) DO NOTHING RETURNING id")
+_VALUES = "(secret_sha256, key_id, expires_at) VALUES (:secret, :key_id, :expires_at)"
+_KEEP = {
+    table: text(f"INSERT INTO {table} {_VALUES}")
+    for table in ("sessions", "login_links")
+}
+_USE_LINK = text(
+    "DELETE FROM login_links WHERE secret_sha256 = :secret RETURNING key_id, expires_at > now() AS valid"
+)
+_END_SESSION = text("DELETE FROM sessions WHERE secret_sha256 = :secret")
+_PRUNE = [text(f"DELETE FROM {table} WHERE expires_at < now()") for table in _KEEP]  # noqa: S608 - constants
+
+
+@dataclass(frozen=True)
+class Owner:
+    """A person, a fleet or an office."""
+
+    id: int
+    name: str
+    created_at: datetime
+    keys: int
+    """Those that are not revoked."""
+    drives: int
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key without its secret."""
+
+    id: uuid.UUID
+    label: str
+    scope: Scope
+    owner_id: int
+    owner: str
+    created_at: datetime
+    expires_at: datetime | None
+    last_used_on: date | None
+    revoked_at: datetime | None
+
+
+@dataclass(frozen=True)
+class Known:
+    """The caller that a secret stands for, and until when."""
+
+    caller: Caller
+    expires_at: datetime | None
+
+
+def hashed(secret: str) -> bytes:
+    """What is kept of a secret."""
+    return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).digest()
+
+
+def owners(session: Session) -> list[Owner]:
+    """All of them, by name."""
+    return [Owner(*row) for row in session.execute(text(_OWNERS + " ORDER BY o.name"))]
+
+
+def owner_named(session: Session, name: str) -> Owner | None:
+    """The owner of that name, or None."""
+    row = session.execute(text(_OWNERS + " WHERE o.name = :name"), {"name": name}).first()
+    return None if row is None else Owner(*row)
+
+
+def create_owner(session: Session, name: str) -> Owner:
+    """Make an owner; ``ConflictError`` where there is one of that name."""
+    if session.execute(_CREATE_OWNER, {"name": name}).first() is None:
+        raise ConflictError(f"There is an owner of the name {name} already.", field="name")
+    made = owner_named(session, name)
+    assert made is not None  # noqa: S101 - just made
+    return made
+
+
+def list_keys(session: Session, owner_id: int | None = None) -> list[Key]:
+    """The keys of that owner, or of all."""
+    return [Key(*row) for row in session.execute(_LIST, {"owner_id": owner_id})]
+
+
+def get_key(session: Session, key_id: uuid.UUID) -> Key | None:
+    """The key, or None."""
+    row = session.execute(_KEY, {"id": key_id}).first()
+    return None if row is None else Key(*row)
+
+
+def create_key(
+    session: Session, owner_id: int, label: str, scope: Scope, expires_at: datetime | None = None
+) -> tuple[Key, str]:
+    """Make a key; returns it and its secret, which nobody can be told again."""
+    key_id, secret = uuid.uuid4(), new_key()
+    values = {"owner_id": owner_id, "label": label, "scope": scope, "expires_at": expires_at}
+    session.execute(_CREATE_KEY, {"id": key_id, "secret": hashed(secret), **values})
+    return _existing(session, key_id), secret
+
+
+def revoke_key(session: Session, key_id: uuid.UUID) -> bool:
+    """Let nobody in by the key any more, nor by what stands for it; False: there is no such key."""
+    _end(session, key_id)
+    return session.execute(_REVOKE, {"id": key_id}).first() is not None
+
+
+def rotate_key(session: Session, key_id: uuid.UUID) -> tuple[Key, str] | None:
+    """Give the key another secret, the one before is void; None: there is no such key, or it is revoked."""
+    secret = new_key()
+    if session.execute(_ROTATE, {"id": key_id, "secret": hashed(secret)}).first() is None:
+        return None
+    _end(session, key_id)
+    return _existing(session, key_id), secret
+
+
+def create_link(session: Session, key_id: uuid.UUID, valid: timedelta = LINK_TIME) -> str:
+    """The secret of a link that logs one browser in, as the key would."""
+    return _keep(session, "login_links", key_id, valid)[0]
+
+
+def use_link(session: Session, secret: str) -> uuid.UUID | None:
+    """The key that the link stands for, once; None: there is no such link (any more)."""
+    row = session.execute(_USE_LINK, {"secret": hashed(secret)}).first()
+    return None if row is None or not row.valid else uuid.UUID(str(row.key_id))
+
+
+def begin_session(session: Session, key_id: uuid.UUID) -> tuple[str, datetime]:
+    """A new session of that key: what its cookie holds, and until when it is good."""
+    for prune in _PRUNE:
+        session.execute(prune)
+    return _keep(session, "sessions", key_id, SESSION_TIME)
+
+
+def end_session(session: Session, secret: str) -> None:
+    """Log the browser out."""
+    session.execute(_END_SESSION, {"secret": hashed(secret)})
+
+
+def by_key(session: Session, secret: str) -> Known | None:
+    """Whom the key stands for, or None; notes the day."""
+    return _known(session, session.execute(text(_BY_SECRET), {"secret": hashed(secret)}).first())
+
+
+def by_session(session: Session, secret: str) -> Known | None:
+    """Whom the session stands for, or None; notes the day."""
+    return _known(session, session.execute(text(_BY_SESSION), {"secret": hashed(secret)}).first())
+
+
+def new_key() -> str:
+    """The secret of a new key."""
+    return KEY_PREFIX + secrets.token_urlsafe(SECRET_BYTES)
+
+
+def _known(session: Session, row: Row[Any] | None) -> Known | None:
+    if row is None:
+        return None
+    today = datetime.now(UTC).date()
+    if row.last_used_on != today:
+        session.execute(_USED, {"id": row.id, "day": today})
+    return Known(Caller(row.scope, row.owner_id, row.id), row.expires_at)
+
+
+def _keep(session: Session, table: str, key_id: uuid.UUID, valid: timedelta) -> tuple[str, datetime]:
+    secret, until = secrets.token_urlsafe(SECRET_BYTES), datetime.now(UTC) + valid
+    session.execute(_KEEP[table], {"secret": hashed(secret), "key_id": key_id, "expires_at": until})
+    return secret, until
+
+
+def _end(session: Session, key_id: uuid.UUID) -> None:
+    for statement in (_END_SESSIONS, _DROP_LINKS):
+        session.execute(statement, {"id": key_id})
+
+
+def _existing(session: Session, key_id: uuid.UUID) -> Key:
+    key = get_key(session, key_id)
+    assert key is not None  # noqa: S101 - it was just made or changed
+    return key

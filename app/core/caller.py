@@ -1,0 +1,94 @@
+"""Who a request is from, and what the database shows it: one answer for routes, uploads, the audit and SQL.
+
+The gate (``app.access.gate``) says it once for each request. Every transaction of the API then begins with the caller's
+role and owner, and row level security (migration 0031) shows that role the rows that are its own. So a query that
+forgets to ask whose a drive is finds no drive of somebody else. Workers and commands are nobody's requests: they
+connect as the owner of the tables, whom the policies do not bind.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from sqlalchemy import Connection, Engine, event
+
+Scope = Literal["nobody", "upload", "own", "operate"]
+
+SCOPES: tuple[Scope, ...] = ("nobody", "upload", "own", "operate")
+"""Each may do what those before it may."""
+OPERATOR_OWNER = 1
+"""The owner of what nobody else owns: of everything from before there were owners."""
+
+API_ROLE = "versant_api"
+"""Of whoever is nobody: it sees no row that has an owner. The others are members of it."""
+ROLES: dict[Scope, str] = {
+    "nobody": API_ROLE,
+    "upload": "versant_uploader",  # sees what its key sent
+    "own": "versant_owner",  # sees what is its owner's
+    "operate": "versant_operator",  # sees everything
+}
+
+STILL_KNOWN = "versant.still_known"
+"""What the scope of a request has where its caller showed a key: a stream asks by it before it tells anything more."""
+
+_BECOME = """
+    SELECT set_config('role', %s, true), set_config('versant.owner', %s, true), set_config('versant.key', %s, true)
+"""
+
+
+@dataclass(frozen=True)
+class Caller:
+    """Whoever a request is from."""
+
+    scope: Scope = "nobody"
+    owner_id: int | None = None
+    key_id: uuid.UUID | None = None
+
+    def may(self, scope: Scope) -> bool:
+        """Whether the caller may do what needs ``scope``."""
+        return SCOPES.index(self.scope) >= SCOPES.index(scope)
+
+    @property
+    def as_owner(self) -> Caller:
+        """The caller as it sees what its owner has: an upload looks there for the same log."""
+        return replace(self, scope="own") if self.scope == "upload" else self
+
+
+NOBODY = Caller()
+SERVICE = Caller("operate", OPERATOR_OWNER)
+"""The service itself, and everybody where no keys are asked for."""
+
+_present: ContextVar[Caller] = ContextVar("caller of this request", default=NOBODY)
+
+
+def present_caller() -> Caller:
+    """Whoever the request that is being answered is from."""
+    return _present.get()
+
+
+@contextmanager
+def as_caller(caller: Caller) -> Iterator[None]:
+    """Do what is in the block as that caller."""
+    token = _present.set(caller)
+    try:
+        yield
+    finally:
+        _present.reset(token)
+
+
+def guard(engine: Engine) -> Engine:
+    """Let every transaction of ``engine`` begin with the role and the owner of the present caller."""
+
+    def become(connection: Connection) -> None:
+        caller = present_caller()
+        driver: Any = connection.connection.driver_connection
+        owner = "" if caller.owner_id is None else str(caller.owner_id)
+        driver.execute(_BECOME, (ROLES[caller.scope], owner, str(caller.key_id or "")))
+
+    event.listen(engine, "begin", become)
+    return engine

@@ -1,0 +1,64 @@
+"""The tables of access: owners, their keys, browsers that logged in, links that log one in.
+
+Secrets are kept as SHA-256 alone: whoever reads the database finds no key in it. Statements stand in
+``app.access.store``.
+"""
+
+from __future__ import annotations
+
+import uuid
+from datetime import date, datetime
+
+import sqlalchemy as sa
+from sqlalchemy.orm import Mapped, mapped_column
+
+from app.core.tables import Base, Numbered, goes_with
+
+
+class OwnerRow(Numbered, Base):
+    """A person, a fleet or an office: has keys and drives. The first is the operator."""
+
+    __tablename__ = "owners"
+
+    name: Mapped[str] = mapped_column(unique=True)
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+
+
+class KeyRow(Base):
+    """A key of an owner; it stays when it is revoked, for the audit names it."""
+
+    __tablename__ = "keys"
+
+    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
+    owner_id: Mapped[int] = mapped_column(goes_with("owners"), index=True)
+    label: Mapped[str]
+    scope: Mapped[str]
+    secret_sha256: Mapped[bytes] = mapped_column(unique=True)
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+    expires_at: Mapped[datetime | None]
+    last_used_on: Mapped[date | None]
+    """A day and no more: when somebody sent a drive is not to be read here."""
+    revoked_at: Mapped[datetime | None]
+
+    __table_args__ = (sa.CheckConstraint("scope IN ('upload', 'own', 'operate')", name="scope"),)
+
+
+class _Secret:
+    """Stands for a key, for some hours."""
+
+    secret_sha256: Mapped[bytes] = mapped_column(primary_key=True)
+    key_id: Mapped[uuid.UUID] = mapped_column(goes_with("keys"), index=True)
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+    expires_at: Mapped[datetime]
+
+
+class SessionRow(_Secret, Base):
+    """A browser that logged in; the row goes when it logs out."""
+
+    __tablename__ = "sessions"
+
+
+class LoginLinkRow(_Secret, Base):
+    """A link that logs a browser in; the row goes when it is used."""
+
+    __tablename__ = "login_links"
