@@ -31,7 +31,7 @@ _KEYS = """
 """
 _LIST = text(
     _KEYS
-    + " WHERE :owner_id IS NULL OR k.owner_id = CAST(:owner_id AS bigint) ORDER BY o.name, k.created_at, k.id"
+    + " WHERE CAST(:owner_id AS bigint) IS NULL OR k.owner_id = :owner_id ORDER BY o.name, k.created_at, k.id"
 )
 _KEY = text(_KEYS + " WHERE k.id = :id")
 _IS_VALID = "k.revoked_at IS NULL AND (k.expires_at IS NULL OR k.expires_at > now())"
@@ -62,10 +62,7 @@ _OWNERS = """
 """
 _CREATE_OWNER = text("INSERT INTO owners (name) VALUES (:name) ON CONFLICT (name) DO NOTHING RETURNING id")
 _VALUES = "(secret_sha256, key_id, expires_at) VALUES (:secret, :key_id, :expires_at)"
-_KEEP = {
-    table: text(f"INSERT INTO {table} {_VALUES}")
-    for table in ("sessions", "login_links")
-}
+_KEEP = {table: text(f"INSERT INTO {table} {_VALUES}") for table in ("sessions", "login_links")}
 _USE_LINK = text(
     "DELETE FROM login_links WHERE secret_sha256 = :secret RETURNING key_id, expires_at > now() AS valid"
 )

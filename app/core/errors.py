@@ -27,6 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar, Self
 
 import psycopg
@@ -56,6 +57,8 @@ class ServiceError(Exception):
 
     answer: ClassVar[tuple[int, str, str]]
     """HTTP status, the last part of ``type``, and title."""
+    headers: Mapping[str, str] = MappingProxyType({})
+    """Of the answer, beside those of every problem."""
 
     def __init__(self, message: str, *, field: str | None = None, errors: Sequence[FieldError] = ()) -> None:
         """``field`` names the one thing at fault; ``errors`` lists several."""
@@ -144,6 +147,11 @@ class TooOftenError(ServiceError):
     """It was tried too often; wait as long as Retry-After says."""
 
     answer = (429, "too-often", "Too often")
+
+    def __init__(self, message: str, retry_after_s: int) -> None:
+        """``retry_after_s``: by then it may be tried again."""
+        super().__init__(message)
+        self.headers = {"Retry-After": str(retry_after_s)}
 
 
 class CrossOriginWriteError(ServiceError):
