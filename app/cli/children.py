@@ -219,7 +219,8 @@ def _memory_bytes() -> int:
 
 def child_environment(settings: Settings) -> dict[str, str]:
     """The environment in which a child reads exactly these settings."""
-    changed = settings.model_dump(mode="json", exclude_none=True)
+    # Nor does it need the key: that is for commands that ask a service.
+    changed = settings.model_dump(mode="json", exclude_none=True, exclude={"key"})
     ours = {ENV_PREFIX + name.upper(): str(value) for name, value in changed.items()}
     return {name: v for name, v in os.environ.items() if not name.startswith(ENV_PREFIX)} | ours
 
