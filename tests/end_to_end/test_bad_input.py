@@ -60,7 +60,7 @@ BAD: dict[str, tuple[Callable[[Demonstration], bytes], str]] = {
 
 @pytest.fixture(scope="module")
 def client(running: Up) -> Iterator[Client]:
-    with Client(running.address) as client:
+    with running.client() as client:
         yield client
 
 
