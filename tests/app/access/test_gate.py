@@ -154,7 +154,7 @@ def test_a_process_that_hears_nothing_asks_each_time(
             "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'versant access'"
         )
         session.execute(listening)
-    wait_until(lambda: guarded.ask("anna", "GET", "/v1/drives") and asked != [])
+    wait_until(lambda: guarded.ask("anna", "GET", "/v1/drives").status_code == 200 and asked != [])
     guarded.ask("anna", "GET", "/v1/drives")
 
 
