@@ -59,7 +59,8 @@ def made(run: Run, *arguments: str) -> tuple[str, str]:
 
 def key_of_link(sessions: Sessions, printed: str) -> uuid.UUID | None:
     with sessions.begin() as session:
-        return store.use_link(session, printed.strip().rpartition("#link=")[2])
+        found = store.by_link(session, printed.strip().rpartition("#link=")[2])
+    return None if found is None else found.caller.key_id
 
 
 def test_the_secret_stands_alone_on_standard_output(run: Run, sessions: Sessions) -> None:
