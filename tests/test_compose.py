@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from app.main import create_app
 REPOSITORY = Path(__file__).resolve().parents[1]
 DOCKERFILE = REPOSITORY / ".docker" / "Dockerfile"
 OURS = ("migrate", "api", "worker")
+ON_THE_INTERNET = ("proxy", "backup")
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +57,9 @@ def check_command(arguments: list[str]) -> None:
 
 
 def test_the_services_are_there(compose: dict[str, Any]) -> None:
-    assert set(compose["services"]) == {"db", *OURS}
+    assert set(compose["services"]) == {"db", *OURS, *ON_THE_INTERNET}
+    for name, service in compose["services"].items():
+        assert service.get("profiles") == (["internet"] if name in ON_THE_INTERNET else None)
     assert compose["services"]["worker"]["deploy"]["replicas"] >= 2
 
 
@@ -121,6 +125,29 @@ def test_nothing_is_seen_without_a_key_and_only_this_machine_reaches_the_api(
     read = Settings()
     assert (read.access, read.shown_map) == ("keys", "off")
     assert all(port.startswith("127.0.0.1:") for port in api["ports"])
+
+
+def test_the_proxy_is_the_one_that_the_api_believes(compose: dict[str, Any]) -> None:
+    proxy, api = compose["services"]["proxy"], environment_of(compose["services"]["api"])
+    address = proxy["networks"]["default"]["ipv4_address"]
+    assert value_when_unset(api["VERSANT_TRUSTED_PROXIES"]) == address
+    (pool,) = compose["networks"]["default"]["ipam"]["config"]
+    assert ip_address(address) in ip_network(pool["subnet"])
+    command = proxy["command"]
+    assert command[:2] == ["caddy", "reverse-proxy"]
+    assert command[command.index("--to") + 1] == f"api:{api['VERSANT_PORT']}"
+    assert value_when_unset(command[command.index("--from") + 1]) == "localhost"
+
+
+def test_the_nightly_backup_is_a_command_that_the_image_can_run(compose: dict[str, Any]) -> None:
+    backup = compose["services"]["backup"]
+    found = re.search(r"versant (backup (/\w+)/\w+);", backup["entrypoint"][2])
+    assert found is not None
+    check_command(found[1].split())
+    assert f"backups:{found[2]}" in backup["volumes"]
+    text = DOCKERFILE.read_text()
+    assert "postgresql-client" in text  # pg_dump
+    assert re.search(rf"install -d -o versant -g versant .*{found[2]}", text)
 
 
 def test_the_first_steps_are_commands_that_exist() -> None:
