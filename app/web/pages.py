@@ -134,6 +134,8 @@ PAGES = {
     "/drives": "drives",
     "/drives/{drive_id}": "drive",
     "/admin": "admin",
+    "/keys": "keys",
+    "/login": "login",
 }
 """Address -> page; that of a drive itself says where there is none."""
 

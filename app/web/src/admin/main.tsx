@@ -1,6 +1,7 @@
 /** The operators' page: what needs a person, then what happens, then what there is and what can be done to it. */
 import type { ComponentType } from "preact";
 import { Page, show } from "../shared/Page";
+import { may } from "../shared/session";
 import { t } from "../shared/texts";
 import type texts from "../texts/en.json";
 import { chooseDays, DAYS, days, listProblem, offers, reader, ready } from "./page_state";
@@ -116,4 +117,4 @@ function Content() {
 }
 
 await show("admin", Content);
-reader.start();
+if (may("operate")) reader.start();

@@ -1,6 +1,7 @@
 /** Of which moment the map is: today's, or one that was kept as an export. Nothing is shown where none is kept. */
 import { useEffect, useState } from "preact/hooks";
 import { moment } from "../shared/format";
+import { may } from "../shared/session";
 import { t } from "../shared/texts";
 import { type Export, keptMaps, searchOf } from "./keeping";
 import { kept } from "./shown";
@@ -24,6 +25,7 @@ export function KeptNotice() {
 export function KeptMaps() {
   const [maps, set] = useState<Export[]>([]);
   useEffect(() => {
+    if (!may("own")) return;
     const ended = new AbortController();
     // The map is there without a choice of kept ones.
     keptMaps(ended.signal).then(set, () => {});

@@ -18,6 +18,7 @@ import { showPointed } from "../segment/pointed";
 import { getJson } from "../shared/api";
 import { config } from "../shared/config";
 import { tellError } from "../shared/Messages";
+import { ledToLogin } from "../shared/session";
 import { t } from "../shared/texts";
 import { theme } from "../shared/theme";
 import { lettersOf, over } from "./background";
@@ -88,7 +89,8 @@ export function openMap(
   map.addControl(new ScaleControl({ maxWidth: 90 }), "bottom-right");
   map.addControl(new AttributionControl({ compact: true }), "bottom-right");
   map.on("error", ({ error }) => {
-    if (!(error instanceof DOMException && error.name === "AbortError")) tellError(error);
+    if (error instanceof DOMException && error.name === "AbortError") return;
+    if (!ledToLogin(error)) tellError(error);
   });
   followState(map, (style) => {
     own = style;

@@ -106,6 +106,6 @@ self.onmessage = async ({ data: asked }: MessageEvent<Asked>) => {
     };
     self.postMessage(counted(asked, parts, place));
   } catch {
-    // A tile that cannot be had is not drawn either: the next view counts again.
+    // A tile that cannot be had is not drawn either, and the map says why: the next view counts again.
   }
 };

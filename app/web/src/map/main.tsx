@@ -4,6 +4,7 @@ import { Panel } from "../segment/Panel";
 import { Search } from "../segment/Search";
 import { tellError } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
+import { may } from "../shared/session";
 import { t } from "../shared/texts";
 import { theme } from "../shared/theme";
 import { KeptNotice } from "./KeptMaps";
@@ -68,9 +69,11 @@ function Nothing() {
       <h1>{t("map.no_roads")}</h1>
       <p>{t("map.no_roads_do")}</p>
       <div class="buttons">
-        <a class="button primary" href="/admin">
-          {t("map.import_roads")}
-        </a>
+        {may("operate") && (
+          <a class="button primary" href="/admin">
+            {t("map.import_roads")}
+          </a>
+        )}
         <a class="button" href="/upload">
           {t("map.upload")}
         </a>

@@ -2,7 +2,9 @@
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { Chart, type Line } from "../shared/Chart";
 import { moment, number, slope } from "../shared/format";
+import { LogIn } from "../shared/LoggedIn";
 import { errorText } from "../shared/Messages";
+import { may } from "../shared/session";
 import { t } from "../shared/texts";
 import { loadObservations, type Observation, type Segment } from "./data";
 import { together } from "./history";
@@ -39,6 +41,8 @@ export function Drives({ segment }: { segment: Segment }) {
   }, [segment.id, wanted]);
 
   const all = segment.properties.drives;
+  // Of others' drives the slope knows, and the list does not.
+  const whole = read.next === null && (may("operate") || read.drives.length >= all);
   return (
     <>
       <h3 id="drives-behind">{t("segment.behind")}</h3>
@@ -47,6 +51,7 @@ export function Drives({ segment }: { segment: Segment }) {
           ? t("segment.asking")
           : t("segment.listed", { n: read.drives.length, all: Math.max(all, read.drives.length) })}
       </p>
+      {!may("operate") && <p class="quiet-text small">{t("segment.only_yours")}</p>}
       {read.state === "failed" && <p class="error-text">{read.why}</p>}
       {read.drives.length > 0 && <Table drives={read.drives} />}
       {read.next !== null && (
@@ -55,9 +60,19 @@ export function Drives({ segment }: { segment: Segment }) {
         </button>
       )}
       <p class="quiet-text small">{t("segment.rejected_note")}</p>
-      {read.drives.length > 0 && (
-        <History segment={segment} drives={read.drives} whole={read.next === null} />
-      )}
+      {read.drives.length > 0 && <History segment={segment} drives={read.drives} whole={whole} />}
+    </>
+  );
+}
+
+/** In their place for who has shown no key. */
+export function DrivesAfterLogin() {
+  return (
+    <>
+      <h3>{t("segment.behind")}</h3>
+      <p class="quiet-text small">
+        {t("segment.log_in_why")} <LogIn text={t("segment.log_in")} />
+      </p>
     </>
   );
 }

@@ -1,4 +1,5 @@
 /** What segments and ways have in common: the road's name and class above, where to read on below. */
+import { copy } from "../shared/clipboard";
 import { distance } from "../shared/format";
 import { tellDone, tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
@@ -28,17 +29,6 @@ export function Road({ title, road }: RoadProps) {
   );
 }
 
-/** Put text on the clipboard, also where the page came by plain http from another machine. */
-async function copy(text: string): Promise<void> {
-  if (navigator.clipboard) return navigator.clipboard.writeText(text);
-  const field = document.body.appendChild(document.createElement("textarea"));
-  field.value = text;
-  field.select();
-  const done = document.execCommand("copy");
-  field.remove();
-  if (!done) throw new Error(t("segment.copy_refused"));
-}
-
 interface SourcesProps {
   osmWay: number;
   place: Position;
@@ -52,7 +42,7 @@ export function Sources({ osmWay, place, address, copied }: SourcesProps) {
   const away = { target: "_blank", rel: "noreferrer" };
   const at = `${place[1].toFixed(6)}/${place[0].toFixed(6)}`;
   const press = () =>
-    copy(JSON.stringify(copied, null, 2)).then(
+    copy(JSON.stringify(copied, null, 2), t("segment.copy_refused")).then(
       () => tellDone(t("segment.copied")),
       (error) => tellError(error instanceof Error ? error.message : error),
     );

@@ -3,9 +3,10 @@ import type { ComponentChildren } from "preact";
 import { flyTo } from "../map/state";
 import { distance, moment, number, slope } from "../shared/format";
 import { tellDone, tellError } from "../shared/Messages";
+import { may } from "../shared/session";
 import { t } from "../shared/texts";
 import { choose } from "./choosing";
-import { Drives } from "./Drives";
+import { Drives, DrivesAfterLogin } from "./Drives";
 import {
   loadProfile,
   loadSegment,
@@ -147,7 +148,7 @@ function Shown({ segment, profile, children }: ShownProps) {
           [t("segment.changed"), of.updated_at === null ? t("segment.never") : moment(of.updated_at)],
         ]}
       />
-      {of.drives > 0 && <Drives segment={segment} />}
+      {of.drives > 0 && (may("own") ? <Drives segment={segment} /> : <DrivesAfterLogin />)}
       <div class="buttons panel-actions">
         <button type="button" onClick={() => chooseWay(segment)}>
           {t("segment.whole_way")}

@@ -1,6 +1,8 @@
 /** What every page has around it: the way to the others, language, colours, a place for messages. */
 import { type ComponentChildren, type ComponentType, render } from "preact";
+import { LoggedIn } from "./LoggedIn";
 import { Messages } from "./Messages";
+import { askSession, isNobody, may, session, toLogin } from "./session";
 import {
   chooseLanguage,
   currentLanguage,
@@ -14,7 +16,11 @@ import { switchTheme, theme } from "./theme";
 import "./style.css";
 
 const PAGES = ["map", "upload", "drives", "admin", "docs"] as const;
-export type PageName = (typeof PAGES)[number];
+export type PageName = (typeof PAGES)[number] | "keys" | "login";
+/** Pages for operators alone. */
+const OPERATORS: readonly PageName[] = ["admin"];
+/** Pages for everybody. */
+const OPEN: readonly PageName[] = ["docs", "login"];
 
 interface PageProps {
   name: PageName;
@@ -35,12 +41,13 @@ export function Page({ name, filled = false, children }: PageProps) {
           <img src="/web/icon.svg" alt="" width="24" height="24" /> Versant
         </a>
         <nav aria-label={t("page.navigation")}>
-          {PAGES.map((one) => (
+          {PAGES.filter((one) => may("operate") || !OPERATORS.includes(one)).map((one) => (
             <a key={one} href={`/${one}`} aria-current={one === name ? "page" : undefined}>
               {t(`page.${one}` as TextKey)}
             </a>
           ))}
         </nav>
+        <LoggedIn page={name} />
         <div class="settings">
           <label>
             <span class="unseen">{t("page.language")}</span>
@@ -73,10 +80,29 @@ export function Page({ name, filled = false, children }: PageProps) {
   );
 }
 
-/** Show a page in the visitor's language. */
+/** Whether nobody sees the page: the map is shown to nobody where the service says so. */
+function asksForKey(name: PageName): boolean {
+  const seen = OPEN.includes(name) || (name === "map" && session()?.public_map === "live");
+  return isNobody() && !seen;
+}
+
+function ForOperators({ name }: { name: PageName }) {
+  return (
+    <Page name={name}>
+      <div class="card refused">
+        <h1>{t("page.for_operators")}</h1>
+        <p>{t("page.for_operators_do")}</p>
+      </div>
+    </Page>
+  );
+}
+
+/** Show a page in the visitor's language, or lead to where one logs in. */
 export async function show(name: PageName, Content: ComponentType): Promise<void> {
-  await loadTexts();
+  await Promise.all([loadTexts(), askSession()]);
+  if (asksForKey(name)) return toLogin();
   document.title = `${t(`page.${name}` as TextKey)} – Versant`;
   const place = document.getElementById("page");
-  if (place) render(<Content />, place);
+  const refused = OPERATORS.includes(name) && !may("operate");
+  if (place) render(refused ? <ForOperators name={name} /> : <Content />, place);
 }

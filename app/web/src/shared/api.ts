@@ -2,11 +2,11 @@
  * The service's API with the types of its own OpenAPI document: `const drive = await got(api.GET("/v1/drives/{drive_id}", ...))`.
  *
  * `got` gives the answer or throws an `ApiProblem`, whose `message` is a sentence for people. An answer 401 leads to
- * one place, `unauthorised`.
+ * one place, `toLogin`.
  */
 import createClient from "openapi-fetch";
 import type { paths } from "../api/schema";
-import { config } from "./config";
+import { toLogin } from "./session";
 import { t } from "./texts";
 
 /** An answer that is no success, or none at all (`status` 0). */
@@ -22,17 +22,14 @@ export class ApiProblem extends Error {
   }
 }
 
-/** The one place that an answer 401 leads to; from there the visitor comes back to what was open, the address's end included. */
-export function unauthorised(): void {
-  if (config.login_url === null) return;
-  const login = new URL(config.login_url, location.href);
-  login.searchParams.set("return_to", location.href);
-  location.assign(login);
-}
-
 /** What an answer that is no success says; `read` is its document, where somebody has read it. */
 export async function problemOf(response: Response, read?: unknown): Promise<ApiProblem> {
-  if (response.status === 401) unauthorised();
+  if (response.status === 401) toLogin();
+  return saidBy(response, read);
+}
+
+/** The same, and leads nowhere: for the page that logs in. */
+export async function saidBy(response: Response, read?: unknown): Promise<ApiProblem> {
   const { status, statusText } = response;
   try {
     const document = read === undefined ? await response.json() : read;

@@ -11,6 +11,7 @@ import {
 import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?url";
 import "maplibre-gl/dist/maplibre-gl.css";
 import { getJson } from "./api";
+import { ledToLogin } from "./session";
 import { type Theme, theme } from "./theme";
 
 setWorkerUrl(workerUrl);
@@ -44,6 +45,9 @@ export async function makeMap({ change = (style) => style, ...options }: Wishes)
     style: change(await serviceStyle(shown)),
     fadeDuration: matchMedia("(prefers-reduced-motion: reduce)").matches ? 0 : 200,
     ...options,
+  });
+  map.on("error", ({ error }) => {
+    if (!ledToLogin(error)) console.error(error);
   });
   map.addControl(new NavigationControl({ visualizePitch: false, showCompass: false }), "top-right");
   map.addControl(new AttributionControl({ compact: true }), "bottom-right");

@@ -1,0 +1,1 @@
+async function e(e,t){if(navigator.clipboard)return navigator.clipboard.writeText(e);let n=document.body.appendChild(document.createElement(`textarea`));n.value=e,n.select();let r=document.execCommand(`copy`);if(n.remove(),!r)throw Error(t)}export{e as t};

@@ -1,0 +1,1 @@
+function e(e,t=0){let[n,r,i]=e.split(`-`).map(Number);return n===void 0||r===void 0||i===void 0||n<1900?null:new Date(n,r-1,i+t).toISOString()}function t(e,t=0){let n=new Date(Date.parse(e??``)-t);return Number.isNaN(n.getTime())?``:[n.getFullYear(),n.getMonth()+1,n.getDate()].map(e=>String(e).padStart(2,`0`)).join(`-`)}export{e as n,t};

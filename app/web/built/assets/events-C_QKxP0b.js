@@ -1,1 +1,0 @@
-function e(e,t,n,r){let i=new EventSource(e);return i.addEventListener(t,e=>n(JSON.parse(e.data))),i.addEventListener(`error`,()=>{i.readyState===EventSource.CLOSED&&r?.()}),()=>i.close()}export{e as t};

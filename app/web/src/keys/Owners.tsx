@@ -1,0 +1,90 @@
+/** For operators: whose drives and keys there are, and making another owner. */
+import { useSignal } from "@preact/signals";
+import { moment, number } from "../shared/format";
+import { errorText, tellDone } from "../shared/Messages";
+import { t } from "../shared/texts";
+import { makeOwner, owners } from "./state";
+
+function MakeOwner() {
+  const name = useSignal("");
+  const busy = useSignal(false);
+  const why = useSignal<string | null>(null);
+  const make = async () => {
+    busy.value = true;
+    why.value = null;
+    const wanted = name.value.trim();
+    try {
+      await makeOwner(wanted);
+      tellDone(t("keys.owner_made", { name: wanted }));
+      name.value = "";
+    } catch (error) {
+      why.value = errorText(error);
+    }
+    busy.value = false;
+  };
+  return (
+    <form
+      class="making-owner"
+      onSubmit={(event) => {
+        event.preventDefault();
+        void make();
+      }}
+    >
+      <label>
+        <span>{t("keys.owner_name")}</span>
+        <input
+          value={name.value}
+          required
+          maxLength={100}
+          onInput={(event) => {
+            name.value = event.currentTarget.value;
+          }}
+        />
+      </label>
+      <button type="submit" disabled={busy.value}>
+        {t("keys.make_owner")}
+      </button>
+      <p class="error-text" role="alert">
+        {why.value}
+      </p>
+    </form>
+  );
+}
+
+export function Owners() {
+  if (owners.value === null) return null;
+  return (
+    <>
+      <h2 id="owners">{t("keys.owners")}</h2>
+      <p>{t("keys.owners_what")}</p>
+      {/* biome-ignore lint/a11y/noNoninteractiveTabindex: what scrolls is reached by keyboard */}
+      <section class="wide" tabIndex={0} aria-labelledby="owners">
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">{t("keys.owner_name")}</th>
+              <th scope="col">{t("keys.created")}</th>
+              <th scope="col" class="number">
+                {t("keys.title")}
+              </th>
+              <th scope="col" class="number">
+                {t("page.drives")}
+              </th>
+            </tr>
+          </thead>
+          <tbody>
+            {owners.value.map((one) => (
+              <tr key={one.id}>
+                <th scope="row">{one.name}</th>
+                <td>{moment(one.created_at)}</td>
+                <td class="number">{number(one.keys)}</td>
+                <td class="number">{number(one.drives)}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </section>
+      <MakeOwner />
+    </>
+  );
+}
