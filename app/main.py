@@ -15,6 +15,7 @@ from fastapi.routing import APIRoute
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 
+from app.access import owners
 from app.access import routes as access
 from app.access.callers import Callers
 from app.access.gate import Gate
@@ -64,6 +65,7 @@ from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
     access.router,
+    owners.router,
     upload.router,
     methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's

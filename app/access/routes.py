@@ -1,4 +1,4 @@
-"""Logging in and out, keys and owners over HTTP."""
+"""Logging in and out, and keys, over HTTP."""
 
 from __future__ import annotations
 
@@ -22,10 +22,7 @@ from app.access.documents import (
     Login,
     MadeKey,
     NewKey,
-    NewOwner,
-    Owner,
     OwnerName,
-    Owners,
     SessionDocument,
 )
 from app.access.gate import KNOWN, SECURE_COOKIE, cookie_name
@@ -236,28 +233,6 @@ def _own_key(session: Session, key_id: uuid.UUID) -> None:
     key: store.Key = existing(store.get_key(session, key_id), "key", key_id)
     if not present_caller().may(key.scope):
         raise ForbiddenError("That key may do more than this one.")
-
-
-@router.get("/owners", summary="The owners", response_model=Owners, responses=problems(401, 403))
-def list_owners(service: ServiceDep) -> Owners:
-    """Every owner with the number of its keys and drives."""
-    with service.reading() as session:
-        return Owners(owners=[Owner.of(one) for one in store.owners(session)])
-
-
-@router.post(
-    "/owners",
-    status_code=201,
-    summary="Make an owner",
-    response_model=Owner,
-    responses={**UNREADABLE_BODY, **problems(401, 403, 409, 422)},
-)
-def make_owner(request: NewOwner, service: ServiceDep, origin: Origin) -> Owner:
-    """Make an owner, who has no key yet."""
-    with service.sessions.begin() as session:
-        owner = store.create_owner(session, request.name)
-        audit.note(session, origin, "owner made", f"owner {owner.id}")
-    return Owner.of(owner)
 
 
 def _callers(request: Request) -> Callers:

@@ -14,6 +14,7 @@ ServiceError            a request cannot be answered as asked
 ├── ForbiddenError           the key is not for that
 ├── ConflictError            there is one of that name already
 ├── TooOftenError            somebody tries again and again
+├── QuotaError               an owner has uploaded as much as it may in a day
 ├── CrossOriginWriteError    a page of another site asks for a change
 ├── StorageFullError         there is no room for what was sent
 ├── UnknownHostError         the request came under a name that is not the service's
@@ -27,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar, Self
 
 import psycopg
@@ -56,6 +58,8 @@ class ServiceError(Exception):
 
     answer: ClassVar[tuple[int, str, str]]
     """HTTP status, the last part of ``type``, and title."""
+    headers: Mapping[str, str] = MappingProxyType({})
+    """Of the answer, beside those of every problem."""
 
     def __init__(self, message: str, *, field: str | None = None, errors: Sequence[FieldError] = ()) -> None:
         """``field`` names the one thing at fault; ``errors`` lists several."""
@@ -144,6 +148,18 @@ class TooOftenError(ServiceError):
     """It was tried too often; wait as long as Retry-After says."""
 
     answer = (429, "too-often", "Too often")
+
+
+class QuotaError(ServiceError):
+    """As much was uploaded today as may be in a day; wait as long as Retry-After says, or ask whoever runs the service
+    for more."""
+
+    answer = (429, "quota", "Quota used up")
+
+    def __init__(self, message: str, *, quota: str, headers: Mapping[str, str]) -> None:
+        """``quota`` is the one that is used up."""
+        super().__init__(message)
+        self.quota, self.headers = quota, headers
 
 
 class CrossOriginWriteError(ServiceError):

@@ -21,6 +21,8 @@ from fusion.errors import FusionError
 
 ENV_PREFIX = "VERSANT_"
 ANY_ORIGIN = "*"
+QUOTA_MOST = 10**15 - 1
+"""The largest integer that a structured header field can tell (RFC 9651)."""
 _ORIGIN = re.compile(r"https?://[^/?#@\s,]+")
 
 Network = IPv4Network | IPv6Network
@@ -103,6 +105,11 @@ class Settings(Places):
     drive arrives gives the drive away. Unset: live where only this machine reaches the service, else off."""
     key: SecretStr | None = None
     """The key that `versant upload` and other clients send; unset: that of the data folder, to this machine alone."""
+    quota_drives: int | None = Field(None, ge=0, le=QUOTA_MOST)
+    """Drives that an owner may upload in a day (UTC); one more is answered by 429. Unset: any number. An owner can have
+    a quota of its own; the operator has no other."""
+    quota_bytes: int | None = Field(None, ge=0, le=QUOTA_MOST)
+    """Bytes that an owner may upload in a day, as QUOTA_DRIVES says it of drives; bytes as stored."""
 
     # Before every route of the API: whom it believes, and what one client may hold of it
     cors_origins: Annotated[str, AfterValidator(_origins)] | None = None
