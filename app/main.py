@@ -18,6 +18,7 @@ from starlette.middleware import Middleware
 from app.access import owners
 from app.access import routes as access
 from app.access.callers import Callers
+from app.access.description import tell_rules
 from app.access.gate import Gate
 from app.changes import routes as changes
 from app.changes.routes import Live
@@ -149,7 +150,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     install_error_handlers(app)
     for router in ROUTERS:
         app.include_router(router)
-    describe(app, partial(tell_limits, settings=chosen))
+    describe(app, tell_rules, partial(tell_limits, settings=chosen))
     return app
 
 
@@ -250,17 +251,18 @@ def _gauges(app: FastAPI) -> metrics.Gauges | None:
         return None
 
 
-def describe(app: FastAPI, complete: Callable[[dict[str, Any]], None]) -> None:
+def describe(app: FastAPI, *complete: Callable[[dict[str, Any]], None]) -> None:
     """Make ``app.openapi`` answer with problem documents in place of FastAPI's own error models.
 
-    ``complete`` adds what subjects know.
+    Each of ``complete`` adds what a subject knows.
     """
     derive = app.openapi
 
     def corrected() -> dict[str, Any]:
         if app.openapi_schema is None:
             app.openapi_schema = _corrected(derive())
-            complete(app.openapi_schema)
+            for add in complete:
+                add(app.openapi_schema)
         return app.openapi_schema
 
     app.openapi = corrected  # type: ignore[method-assign]

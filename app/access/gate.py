@@ -12,9 +12,9 @@ import binascii
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from starlette.datastructures import Headers
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import cookie_parser
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.access.callers import Callers, Kind
 from app.access.rules import Rule, Rules
@@ -111,7 +111,12 @@ class Gate:
                 return now is not None and now.caller == known_as
 
             scope[STILL_KNOWN], scope[KNOWN] = still_known, known
+        if rule is not Rule.OPEN and self._need(rule) != "nobody":
+            send = _kept_by_nobody_else(send)
         await self._pass(caller, scope, receive, send)
+
+    def _need(self, rule: Rule) -> CallerScope:
+        return self._map if rule is Rule.MAP else _NEEDS[rule]
 
     async def _pass(self, caller: Caller, scope: Scope, receive: Receive, send: Send) -> None:
         with as_caller(caller):
@@ -126,7 +131,7 @@ class Gate:
             return UnauthorizedError(
                 "The key is none of this service's, or it is revoked or expired. Ask whoever runs the service for one."
             )
-        need = self._map if rule is Rule.MAP else _NEEDS[rule]
+        need = self._need(rule)
         if not caller.may(need):
             if caller is NOBODY:
                 return UnauthorizedError(
@@ -139,6 +144,21 @@ class Gate:
             if "origin" not in headers and "sec-fetch-site" not in headers:
                 return CrossOriginWriteError("The browser does not say which page asks for this change.")
         return None
+
+
+def _kept_by_nobody_else(send: Send) -> Send:
+    """``send`` for an answer that needed a key: a cache between many clients must not keep it for others."""
+
+    async def private(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            caching = headers.get("cache-control", "")
+            if "no-store" not in caching:
+                rest = caching.replace("public", "").strip(" ,")
+                headers["Cache-Control"] = f"private, {rest}" if rest else "private"
+        await send(message)
+
+    return private
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 import uuid
 from datetime import UTC, datetime
 from typing import Annotated
@@ -47,10 +49,12 @@ class Attempts:
 
     def count(self) -> None:
         """Count one of the present client's; ``TooOftenError`` where there were too many."""
-        if not self._limiter.hit(LOGINS, present_client()):
-            raise TooOftenError(
-                f"{LOGINS.amount} attempts a minute are enough. Wait a minute, then try again."
-            )
+        client = present_client()
+        if not self._limiter.hit(LOGINS, client):
+            until_s = self._limiter.get_window_stats(LOGINS, client).reset_time - time.time()
+            wait_s = max(1, math.ceil(until_s))
+            message = f"{LOGINS.amount} attempts a minute are enough. Wait {wait_s} s, then try again."
+            raise TooOftenError(message, wait_s)
 
 
 @router.get("/session", summary="Who the caller is", response_model=SessionDocument)

@@ -31,7 +31,7 @@ _KEYS = """
 """
 _LIST = text(
     _KEYS
-    + " WHERE :owner_id IS NULL OR k.owner_id = CAST(:owner_id AS bigint) ORDER BY o.name, k.created_at, k.id"
+    + " WHERE CAST(:owner_id AS bigint) IS NULL OR k.owner_id = :owner_id ORDER BY o.name, k.created_at, k.id"
 )
 _KEY = text(_KEYS + " WHERE k.id = :id")
 _IS_VALID = "k.revoked_at IS NULL AND (k.expires_at IS NULL OR k.expires_at > now())"

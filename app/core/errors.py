@@ -149,6 +149,11 @@ class TooOftenError(ServiceError):
 
     answer = (429, "too-often", "Too often")
 
+    def __init__(self, message: str, retry_after_s: int) -> None:
+        """``retry_after_s``: by then it may be tried again."""
+        super().__init__(message)
+        self.headers = {"Retry-After": str(retry_after_s)}
+
 
 class QuotaError(ServiceError):
     """As much was uploaded today as may be in a day; wait as long as Retry-After says, or ask whoever runs the service

@@ -113,8 +113,8 @@ def _cut(text: str) -> str:
 
 async def service_error(request: Request, error: Exception) -> JSONResponse:
     """The answer to an error of the service's own."""
-    assert isinstance(error, ServiceError)  # noqa: S101 -- the type that the handler is registered for
-    return problem_response(request, kind_of(error), str(error), error.errors, error.headers)
+    errors, headers = (error.errors, error.headers) if isinstance(error, ServiceError) else ((), {})
+    return problem_response(request, kind_of(error), str(error), errors, headers)
 
 
 async def _fusion_error(request: Request, error: Exception) -> JSONResponse:

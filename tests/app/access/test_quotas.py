@@ -7,7 +7,6 @@ import socket
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -20,8 +19,9 @@ from app.access import quotas, store
 from app.core.caller import SERVICE, Caller, as_caller, guard
 from app.core.db import Sessions, session_factory
 from app.core.settings import Settings
+from gate_support import Guarded, make_guarded
 from problem_support import check
-from web_fixtures import TLS
+from web_fixtures import served
 
 NOON = datetime(2026, 11, 27, 12, 0, 0, tzinfo=UTC)
 NEXT_DAY = datetime(2026, 11, 28, 0, 0, 1, tzinfo=UTC)
@@ -33,32 +33,15 @@ def log(number: int, size: int = 60) -> bytes:
     return f"time_s,lat_deg,lon_deg\n{1_700_000_000 + number},49.0,8.4\n".encode().ljust(size, b"\n")
 
 
-class Service:
-    """A service that asks for keys, its operator, and an owner with a key of each scope."""
+class Uploads:
+    """A service with quotas, and what is sent to it."""
 
-    def __init__(self, web: Any) -> None:
-        self.web = web
-        with web.sessions.begin() as session:
-            self.owner_id = store.create_owner(session, "bus fleet").id
-            self.other_id = store.create_owner(session, "tram fleet").id
-            self.keys = {
-                name: store.create_key(session, owner_id, name, scope)[1]
-                for name, owner_id, scope in (
-                    ("operator", 1, "operate"),
-                    ("own", self.owner_id, "own"),
-                    ("upload", self.owner_id, "upload"),
-                    ("other", self.other_id, "own"),
-                )
-            }
+    def __init__(self, guarded: Guarded) -> None:
+        self.ask, self.web, self.secrets = guarded.ask, guarded.web, guarded.secrets
+        self.owner_id = guarded.owners["anna"]
 
-    def ask(self, key: str, method: str, path: str, **options: Any) -> httpx.Response:
-        headers = {"Authorization": f"Bearer {self.keys[key]}", **options.pop("headers", {})}
-        url = self.web.base + path
-        with httpx.Client(trust_env=False, timeout=60, verify=TLS) as client:
-            return client.request(method, url, headers=headers, **options)
-
-    def upload(self, content: Any, key: str = "upload", **options: Any) -> httpx.Response:
-        return self.ask(key, "POST", "/v1/drives", content=content, **options)
+    def send(self, content: Any, caller: str = "anna upload") -> httpx.Response:
+        return self.ask(caller, "POST", "/v1/drives", content=content)
 
     def use(self) -> list[tuple[Any, ...]]:
         with self.web.sessions() as session:
@@ -82,40 +65,31 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[datetime], None]:
 
 
 @pytest.fixture
-def service(
-    database_url: str, tmp_path: Path, server_maker: Callable[[Settings], Any], clock: object
-) -> Iterator[Service]:
-    settings = Settings(
-        access="keys",
-        database_url=database_url,
-        data_dir=tmp_path,
-        default_method="raw",
-        quota_drives=QUOTA_DRIVES,
-        quota_bytes=QUOTA_BYTES,
-    )
-    with server_maker(settings) as web:
-        yield Service(web)
+def service(settings: Settings, clock: object) -> Iterator[Uploads]:
+    changed = {"access": "keys", "quota_drives": QUOTA_DRIVES, "quota_bytes": QUOTA_BYTES}
+    with served(settings.model_copy(update=changed)) as web:
+        yield Uploads(make_guarded(web))
 
 
-def test_uploads_are_counted_and_told(service: Service) -> None:
-    answer = service.upload(log(1, 200))
+def test_uploads_are_counted_and_told(service: Uploads) -> None:
+    answer = service.send(log(1, 200))
     assert answer.status_code == 202, answer.text
     assert (
         answer.headers["ratelimit-policy"]
         == '"drives";q=3;w=86400, "bytes";q=1000;qu="content-bytes";w=86400'
     )
     assert answer.headers["ratelimit"] == '"drives";r=2;t=43200, "bytes";r=800;t=43200'
-    again = service.upload(log(1, 200))
+    again = service.send(log(1, 200))
     assert again.status_code == 200
     assert again.headers["ratelimit"] == answer.headers["ratelimit"]
-    assert service.upload(b"no log", key="own").status_code == 415
+    assert service.send(b"no log", caller="anna").status_code == 415
     assert service.use() == [(service.owner_id, NOON.date(), 1, 200)]
 
 
-def test_the_drive_too_many_is_refused_and_costs_nothing(service: Service) -> None:
+def test_the_drive_too_many_is_refused_and_costs_nothing(service: Uploads) -> None:
     for number in range(QUOTA_DRIVES):
-        assert service.upload(log(number)).status_code == 202
-    refused = service.upload(log(9))
+        assert service.send(log(number)).status_code == 202
+    refused = service.send(log(9))
     problem = check(refused, 429)
     assert problem["type"] == "/problems/quota"
     assert problem["detail"] == (
@@ -126,24 +100,24 @@ def test_the_drive_too_many_is_refused_and_costs_nothing(service: Service) -> No
     assert refused.headers["ratelimit"].startswith('"drives";r=0;t=43200, ')
     assert service.use() == [(service.owner_id, NOON.date(), QUOTA_DRIVES, 3 * 60)]
     assert service.blobs() == QUOTA_DRIVES
-    assert service.upload(log(9), key="other").status_code == 202, "each owner has its own"
-    refusals = service.ask("operator", "GET", "/metrics").text
+    assert service.send(log(9), caller="ben").status_code == 202, "each owner has its own"
+    refusals = service.ask("operate", "GET", "/metrics").text
     assert 'versant_uploads_refused_total{quota="drives"} 1.0' in refusals
 
 
-def test_a_removed_drive_stays_counted(service: Service) -> None:
+def test_a_removed_drive_stays_counted(service: Uploads) -> None:
     for number in range(QUOTA_DRIVES):
-        place = urlsplit(service.upload(log(number)).headers["location"]).path
-        assert service.ask("own", "DELETE", place).status_code in {202, 204}
-    assert service.upload(log(9)).status_code == 429
+        place = urlsplit(service.send(log(number)).headers["location"]).path
+        assert service.ask("anna", "DELETE", place).status_code in {202, 204}
+    assert service.send(log(9)).status_code == 429
 
 
-def test_the_next_day_begins_anew(service: Service, clock: Callable[[datetime], None]) -> None:
+def test_the_next_day_begins_anew(service: Uploads, clock: Callable[[datetime], None]) -> None:
     for number in range(QUOTA_DRIVES):
-        service.upload(log(number))
-    assert service.upload(log(8)).status_code == 429
+        service.send(log(number))
+    assert service.send(log(8)).status_code == 429
     clock(NEXT_DAY)
-    answer = service.upload(log(9))
+    answer = service.send(log(9))
     assert answer.status_code == 202
     assert answer.headers["ratelimit"].startswith('"drives";r=2;t=86399, ')
     assert [(day.isoformat(), drives) for _, day, drives, _ in service.use()] == [
@@ -153,11 +127,11 @@ def test_the_next_day_begins_anew(service: Service, clock: Callable[[datetime], 
 
 
 @pytest.mark.parametrize("shape", ["body", "form"])
-def test_exactly_the_quota_of_bytes_is_taken(service: Service, shape: str) -> None:
+def test_exactly_the_quota_of_bytes_is_taken(service: Uploads, shape: str) -> None:
     def send(content: bytes) -> httpx.Response:
         if shape == "body":
-            return service.upload(content)
-        return service.ask("upload", "POST", "/v1/drives", files={"file": ("a.csv", content)})
+            return service.send(content)
+        return service.ask("anna upload", "POST", "/v1/drives", files={"file": ("a.csv", content)})
 
     assert send(log(1, 600)).status_code == 202
     problem = check(send(log(2, 401)), 429)
@@ -166,15 +140,15 @@ def test_exactly_the_quota_of_bytes_is_taken(service: Service, shape: str) -> No
     assert service.use() == [(service.owner_id, NOON.date(), 2, 1000)]
 
 
-def test_what_no_day_has_room_for_is_not_to_be_sent_again(service: Service) -> None:
-    problem = check(service.upload(log(1, 1001)), 429)
+def test_what_no_day_has_room_for_is_not_to_be_sent_again(service: Uploads) -> None:
+    problem = check(service.send(log(1, 1001)), 429)
     assert problem["detail"].endswith("Send less, or ask whoever runs the service for more.")
 
 
-def test_a_refused_body_is_not_read(service: Service) -> None:
-    place = urlsplit(service.web.base)
+def test_a_refused_body_is_not_read(service: Uploads) -> None:
+    place, key = urlsplit(service.web.base), service.secrets["anna upload"]
     head = (
-        f"POST /v1/drives HTTP/1.1\r\nHost: {place.netloc}\r\nAuthorization: Bearer {service.keys['upload']}\r\n"
+        f"POST /v1/drives HTTP/1.1\r\nHost: {place.netloc}\r\nAuthorization: Bearer {key}\r\n"
         "Content-Length: 5000\r\n\r\n"
     )
     with socket.create_connection((place.hostname, place.port), timeout=30) as connection:
@@ -186,10 +160,10 @@ def test_a_refused_body_is_not_read(service: Service) -> None:
     assert service.blobs() == 0
 
 
-def test_a_body_of_unknown_length_is_counted_when_it_has_come(service: Service) -> None:
-    answer = service.upload(iter([log(1, 300), b"\n" * 300]))
+def test_a_body_of_unknown_length_is_counted_when_it_has_come(service: Uploads) -> None:
+    answer = service.send(iter([log(1, 300), b"\n" * 300]))
     assert answer.status_code == 202
-    assert service.upload(iter([log(2, 300), b"\n" * 101])).status_code == 429
+    assert service.send(iter([log(2, 300), b"\n" * 101])).status_code == 429
     assert service.use() == [(service.owner_id, NOON.date(), 1, 600)]
     assert service.blobs() == 1, "the blob of the refused one is removed"
     with service.web.sessions() as session:
@@ -197,39 +171,39 @@ def test_a_body_of_unknown_length_is_counted_when_it_has_come(service: Service) 
         assert session.execute(text("SELECT count(*) FROM procrastinate_jobs")).scalar_one() == 1
 
 
-def test_uploads_at_once_do_not_pass_together(service: Service) -> None:
+def test_uploads_at_once_do_not_pass_together(service: Uploads) -> None:
     with ThreadPoolExecutor(8) as pool:
-        statuses = [answer.status_code for answer in pool.map(service.upload, map(log, range(16)))]
+        statuses = [answer.status_code for answer in pool.map(service.send, map(log, range(16)))]
     assert sorted(statuses) == [202] * QUOTA_DRIVES + [429] * (16 - QUOTA_DRIVES)
     assert service.use() == [(service.owner_id, NOON.date(), QUOTA_DRIVES, 60 * QUOTA_DRIVES)]
     assert service.blobs() == QUOTA_DRIVES
 
 
-def test_the_operator_has_no_quota_but_its_own(service: Service) -> None:
+def test_the_operator_has_no_quota_but_its_own(service: Uploads) -> None:
     for number in range(QUOTA_DRIVES + 1):
-        answer = service.upload(log(number), key="operator")
+        answer = service.send(log(number), caller="operate")
         assert answer.status_code == 202
         assert "ratelimit" not in answer.headers
-    assert service.ask("operator", "PATCH", "/v1/owners/1", json={"quota_drives": 4}).status_code == 200
-    assert service.upload(log(9), key="operator").status_code == 429
+    assert service.ask("operate", "PATCH", "/v1/owners/1", json={"quota_drives": 4}).status_code == 200
+    assert service.send(log(9), caller="operate").status_code == 429
 
 
-def test_an_owner_has_quotas_of_its_own(service: Service) -> None:
+def test_an_owner_has_quotas_of_its_own(service: Uploads) -> None:
     path = f"/v1/owners/{service.owner_id}"
-    changed = service.ask("operator", "PATCH", path, json={"quota_drives": 1})
+    changed = service.ask("operate", "PATCH", path, json={"quota_drives": 1})
     assert changed.status_code == 200
     assert changed.json()["quota_drives"] == changed.json()["today"]["quota_drives"] == 1
     assert changed.json()["today"]["quota_bytes"] == QUOTA_BYTES
-    assert service.upload(log(1)).status_code == 202
-    assert service.upload(log(2)).status_code == 429
-    assert service.upload(log(1), key="other").headers["ratelimit"].startswith('"drives";r=2;')
-    service.ask("operator", "PATCH", path, json={"quota_bytes": 50})
-    assert service.ask("operator", "GET", path).json()["quota_drives"] == 1, "what is not named stays"
-    unset = service.ask("operator", "PATCH", path, json={"quota_drives": None, "quota_bytes": None}).json()
+    assert service.send(log(1)).status_code == 202
+    assert service.send(log(2)).status_code == 429
+    assert service.send(log(1), caller="ben").headers["ratelimit"].startswith('"drives";r=2;')
+    service.ask("operate", "PATCH", path, json={"quota_bytes": 50})
+    assert service.ask("operate", "GET", path).json()["quota_drives"] == 1, "what is not named stays"
+    unset = service.ask("operate", "PATCH", path, json={"quota_drives": None, "quota_bytes": None}).json()
     assert unset["quota_drives"] is None
     assert unset["today"]["quota_drives"] == QUOTA_DRIVES
-    assert service.upload(log(2)).status_code == 202
-    audited = service.ask("operator", "GET", "/v1/admin/audit").json()["rows"]
+    assert service.send(log(2)).status_code == 202
+    audited = service.ask("operate", "GET", "/v1/admin/audit").json()["rows"]
     assert [row["action"] for row in audited].count("quotas changed") == 3
 
 
@@ -242,18 +216,18 @@ def test_an_owner_has_quotas_of_its_own(service: Service) -> None:
         ({"name": "x"}, "name"),
     ],
 )
-def test_quotas_that_cannot_be(service: Service, change: dict[str, Any], field: str) -> None:
-    problem = check(service.ask("operator", "PATCH", f"/v1/owners/{service.owner_id}", json=change), 422)
+def test_quotas_that_cannot_be(service: Uploads, change: dict[str, Any], field: str) -> None:
+    problem = check(service.ask("operate", "PATCH", f"/v1/owners/{service.owner_id}", json=change), 422)
     assert [error["field"] for error in problem["errors"]] == [field]
 
 
-def test_an_owner_sees_its_own_figures_and_nobody_else_s(service: Service) -> None:
-    service.upload(log(1, 100))
-    service.upload(log(1, 90), key="other")
-    document = service.ask("own", "GET", "/v1/owner").json()
+def test_an_owner_sees_its_own_figures_and_nobody_else_s(service: Uploads) -> None:
+    service.send(log(1, 100))
+    service.send(log(1, 90), caller="ben")
+    document = service.ask("anna", "GET", "/v1/owner").json()
     assert document == {
         "id": service.owner_id,
-        "name": "bus fleet",
+        "name": "anna",
         "created_at": document["created_at"],
         "keys": 2,
         "drives": 1,
@@ -270,12 +244,12 @@ def test_an_owner_sees_its_own_figures_and_nobody_else_s(service: Service) -> No
         },
     }
     path = f"/v1/owners/{service.owner_id}"
-    assert service.ask("operator", "GET", path).json() == document
-    check(service.ask("own", "GET", path), 403)
-    check(service.ask("own", "PATCH", path, json={}), 403)
-    check(service.ask("upload", "GET", "/v1/owner"), 403)
-    check(service.ask("operator", "GET", "/v1/owners/999"), 404)
-    check(service.ask("operator", "PATCH", "/v1/owners/999", json={}), 404)
+    assert service.ask("operate", "GET", path).json() == document
+    check(service.ask("anna", "GET", path), 403)
+    check(service.ask("anna", "PATCH", path, json={}), 403)
+    check(service.ask("anna upload", "GET", "/v1/owner"), 403)
+    check(service.ask("operate", "GET", "/v1/owners/999"), 404)
+    check(service.ask("operate", "PATCH", "/v1/owners/999", json={}), 404)
 
 
 def test_nothing_is_said_of_quotas_where_there_are_none(web: Any) -> None:
@@ -287,7 +261,7 @@ def test_nothing_is_said_of_quotas_where_there_are_none(web: Any) -> None:
 
 
 @pytest.fixture
-def guarded(database_url: str) -> Iterator[Sessions]:
+def sessions_of_callers(database_url: str) -> Iterator[Sessions]:
     """Sessions as the API has them, two owners with some use."""
     engine = create_engine(database_url)
     with session_factory(engine).begin() as session:
@@ -302,16 +276,16 @@ def guarded(database_url: str) -> Iterator[Sessions]:
     ("caller", "seen"),
     [(SERVICE, [1, 2, 3]), (Caller("own", 2), [2]), (Caller("upload", 2), []), (Caller(), [])],
 )
-def test_use_is_shown_to_whose_it_is(guarded: Sessions, caller: Caller, seen: list[int]) -> None:
-    with as_caller(caller), guarded() as session:
+def test_use_is_shown_to_whose_it_is(sessions_of_callers: Sessions, caller: Caller, seen: list[int]) -> None:
+    with as_caller(caller), sessions_of_callers() as session:
         assert list(session.execute(text("SELECT owner_id FROM owner_use ORDER BY 1")).scalars()) == seen
 
 
-def test_nobody_counts_for_another(guarded: Sessions) -> None:
+def test_nobody_counts_for_another(sessions_of_callers: Sessions) -> None:
     insert = text("INSERT INTO owner_use VALUES (3, '2026-11-28', 1, 1)")
     update = text("UPDATE owner_use SET drives = 0 WHERE owner_id = 3")
     with as_caller(Caller("own", 2)):
-        with guarded() as session, pytest.raises(ProgrammingError, match="row-level security"):
+        with sessions_of_callers() as session, pytest.raises(ProgrammingError, match="row-level security"):
             session.execute(insert)
-        with guarded.begin() as session:
+        with sessions_of_callers.begin() as session:
             assert session.execute(update).rowcount == 0  # type: ignore[attr-defined]
