@@ -15,11 +15,13 @@ from fastapi.routing import APIRoute
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 
-from app.access import owners
 from app.access import routes as access
+from app.access import sessions
 from app.access.callers import Callers
 from app.access.description import tell_rules
 from app.access.gate import Gate
+from app.access.oidc import Provider
+from app.access.sessions import Logins
 from app.changes import routes as changes
 from app.changes.routes import Live
 from app.changes.webhooks import routes as webhooks
@@ -65,8 +67,8 @@ from app.ops.admin import routes as admin
 from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
+    sessions.router,
     access.router,
-    owners.router,
     upload.router,
     methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's
@@ -203,7 +205,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         CapacityLimiter(2),
     )
     app.state.callers = Callers(url, session_factory(engine))
-    app.state.attempts = access.Attempts()
+    app.state.logins = Logins(Provider(settings) if settings.oidc_issuer else None)
     app.state.drawing = Drawing(settings.pictures_waiting)
     streams = Shares(settings.events_max, settings.events_per_client)
     app.state.feed = feed.Feed(

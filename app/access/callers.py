@@ -15,6 +15,7 @@ from typing import Literal
 
 import psycopg
 from anyio import CapacityLimiter, to_thread
+from sqlalchemy.orm import Session
 
 from app.access import store
 from app.access.store import Known
@@ -30,8 +31,12 @@ CONNECT_TIMEOUT_S = 5
 THREADS = 2
 """That ask at once: a flood of wrong keys must not take all connections."""
 
-Kind = Literal["key", "session"]
-_ASK: dict[Kind, Callable[..., Known | None]] = {"key": store.by_key, "session": store.by_session}
+Kind = Literal["key", "session", "proxy"]
+_ASK: dict[Kind, Callable[[Session, str], Known | None]] = {
+    "key": store.by_key,
+    "session": store.by_session,
+    "proxy": store.by_proxy,
+}
 
 log = logging.getLogger(__name__)
 

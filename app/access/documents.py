@@ -10,7 +10,7 @@ from pydantic import AwareDatetime, BaseModel, Field, StringConstraints
 
 from app.access import store
 from app.access.quotas import Standing
-from app.core.settings import QUOTA_MOST
+from app.core.settings.access import QUOTA_MOST
 
 Name = Annotated[
     str,
@@ -51,6 +51,7 @@ _NEW_KEY_EXAMPLE = {"label": "bus 7", "scope": "upload", "owner": "bus fleet"}
 _SESSION_EXAMPLE: dict[str, Any] = {
     "access": "keys",
     "public_map": "off",
+    "login_provider": False,
     "scope": "own",
     "owner": _OWNER_EXAMPLE,
     "key": {"id": _KEY_EXAMPLE["id"], "label": "my browser"},
@@ -192,6 +193,7 @@ class SessionDocument(BaseModel, json_schema_extra={"examples": [_SESSION_EXAMPL
 
     access: Literal["keys", "open"] = Field(description="Whether keys are asked for.")
     public_map: Literal["live", "off"] = Field(description="What of the map is answered without a key.")
+    login_provider: bool = Field(description="Whether browsers can log in at a provider: `/v1/session/oidc`.")
     scope: KeyScope | None = Field(description="The caller's scope; null: it is nobody.")
     owner: OwnerName | None = Field(description="The caller's owner.")
     key: KeyOfSession | None = Field(description="The caller's key.")

@@ -1,14 +1,15 @@
 """The gate: finds out who a request is from, and lets it pass or refuses it, before anything of it is read.
 
 It stands before the way of tiles and before every route. A caller is known by a key (``Authorization: Bearer``, or
-Basic with the key as password, as GDAL and QGIS send it) or by the cookie of a session. What the caller then sees of a
-table is the database's business (``app.core.caller``).
+Basic with the key as password, as GDAL and QGIS send it), by a proxy that has checked who it is, or by the cookie of a
+session. What the caller then sees of a table is the database's business (``app.core.caller``).
 """
 
 from __future__ import annotations
 
 import base64
 import binascii
+import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,10 +24,12 @@ from app.core.caller import Scope as CallerScope
 from app.core.errors import CrossOriginWriteError, ForbiddenError, ServiceError, UnauthorizedError
 from app.core.middleware import CHANGING, EarlyAnswers
 from app.core.problems import refuse
+from app.core.receiving.clients import PROXIED
 from app.core.settings import Settings
 
 SECURE_COOKIE = "__Host-versant"
 """A browser takes it from this very host alone, and only by https."""
+PROXY_SECRET_HEADER = "x-versant-proxy-secret"  # noqa: S105 - its name
 SESSION_PATH = "/v1/session"
 KNOWN, _ERROR = "versant.known", "versant.error"
 """What the scope of a request has of its caller (``Known``), and why it is refused."""
@@ -52,11 +55,41 @@ def cookie_name(scope: Scope) -> str:
     return f"versant-{(scope.get('server') or ('', 0))[1]}"
 
 
-def credential_of(scope: Scope) -> Credential | None:
-    """The key or session that a request shows, whether or not it is one; None: it shows none."""
+@dataclass(frozen=True)
+class Proxy:
+    """How a proxy that the settings name says who asks; it has checked that."""
+
+    secret: str
+    owner_header: str
+    role_header: str
+
+    @classmethod
+    def of(cls, settings: Settings) -> Proxy | None:
+        """As the settings have it; None: no proxy is believed who asks."""
+        secret = settings.proxy_secret
+        if secret is None:
+            return None
+        return cls(secret.get_secret_value(), settings.proxy_owner_header, settings.proxy_role_header)
+
+    def credential(self, scope: Scope, headers: Headers) -> Credential | None:
+        """Whom the proxy names; None: the request did not come through it, or it names nobody."""
+        shown = headers.get(PROXY_SECRET_HEADER, "")
+        if not scope.get(PROXIED) or not secrets.compare_digest(shown.encode(), self.secret.encode()):
+            return None
+        owner = headers.get(self.owner_header, "").strip()
+        return Credential("proxy", f"{owner}\n{headers.get(self.role_header, '').strip()}") if owner else None
+
+
+def credential_of(scope: Scope, proxy: Proxy | None = None) -> Credential | None:
+    """What a request shows of its caller, whether or not that is one; None: it shows nothing.
+
+    A key goes first: a device that sends one means it, whatever a proxy adds.
+    """
     headers = Headers(scope=scope)
     if (authorization := headers.get("authorization")) is not None:
         return Credential("key", _key_of(authorization))
+    if proxy is not None and (named := proxy.credential(scope, headers)) is not None:
+        return named
     cookies = cookie_parser(headers.get("cookie", ""))
     secret = cookies.get(cookie_name(scope))
     return None if not secret else Credential("session", secret)
@@ -72,6 +105,12 @@ def _key_of(authorization: str) -> str:
     return rest.strip() if kind.lower() == "bearer" else ""
 
 
+def callers_of(scope: Scope) -> Callers:
+    """The callers that the process knows."""
+    callers: Callers = scope["app"].state.callers
+    return callers
+
+
 class Gate:
     """Lets requests pass that the rules allow to whoever asks."""
 
@@ -80,6 +119,7 @@ class Gate:
         self._open = settings.access == "open"
         self._map: CallerScope = "nobody" if settings.shown_map == "live" else "own"
         self._rules = Rules(routes)
+        self._proxy = Proxy.of(settings)
         # What an upload still sends is read for a while, so that its client reads the refusal.
         self._refusal = EarlyAnswers(_refuse)
 
@@ -95,8 +135,8 @@ class Gate:
         if rule is Rule.OPEN and scope["path"] != SESSION_PATH:
             await self._pass(NOBODY, scope, receive, send)
             return
-        credential = credential_of(scope)
-        callers: Callers = scope["app"].state.callers
+        credential = credential_of(scope, self._proxy)
+        callers = callers_of(scope)
         known = None if credential is None else await callers.find(credential.kind, credential.secret)
         caller = NOBODY if known is None else known.caller
         error = self._error(rule, caller, credential, scope)
@@ -138,7 +178,7 @@ class Gate:
                     "This needs a key. Send one as `Authorization: Bearer vsk_...`, or log in at /login."
                 )
             return ForbiddenError(f"This needs a key of scope {need}; this one has {caller.scope}.")
-        if credential is not None and credential.kind == "session" and scope["method"] in CHANGING:
+        if credential is not None and credential.kind != "key" and scope["method"] in CHANGING:
             # A browser says where a change comes from. Where nothing is said it may be a page of another site.
             headers = Headers(scope=scope)
             if "origin" not in headers and "sec-fetch-site" not in headers:

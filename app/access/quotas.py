@@ -161,8 +161,9 @@ def standing(session: Session, settings: Settings, owner_id: int, now: datetime)
     """How the owner stands on the day of ``now``."""
     row = session.execute(_STANDING, {"owner_id": owner_id, "day": now.date()}).one()
     own = OwnQuotas(row.quota_drives, row.quota_bytes)
-    is_operator = owner_id == OPERATOR_OWNER
-    of_all = OwnQuotas(None, None) if is_operator else OwnQuotas(settings.quota_drives, settings.quota_bytes)
+    of_all = OwnQuotas(settings.quota_drives, settings.quota_bytes)
+    if _operates(owner_id):
+        of_all = OwnQuotas(None, None)
     drives, most_bytes = (a if a is not None else b for a, b in zip(own, of_all, strict=True))
     return Standing(
         now,
@@ -170,6 +171,12 @@ def standing(session: Session, settings: Settings, owner_id: int, now: datetime)
         Amount("bytes", row.bytes, most_bytes, "content-bytes"),
         own,
     )
+
+
+def _operates(owner_id: int) -> bool:
+    """Whether it is the operator, or whom the caller uploads for as one: those have no quotas but their own."""
+    caller = present_caller()
+    return owner_id == OPERATOR_OWNER or (owner_id == caller.owner_id and caller.may("operate"))
 
 
 def set_quotas(session: Session, owner_id: int, own: OwnQuotas) -> None:

@@ -52,6 +52,8 @@ _TABLE = {
         GET /upload
         GET /v1/methods
         GET /v1/session
+        GET /v1/session/oidc
+        GET /v1/session/oidc/done
         POST /v1/session
         DELETE /v1/session
         GET /web/{name:path}

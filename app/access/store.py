@@ -7,6 +7,7 @@ the time that it takes: who asks would have to know hashes.
 from __future__ import annotations
 
 import hashlib
+import re
 import secrets
 import uuid
 from dataclasses import dataclass
@@ -16,12 +17,13 @@ from typing import Any
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
-from app.core.caller import Caller, Scope
+from app.core.caller import OPERATOR_OWNER, Caller, Scope
 from app.core.errors import ConflictError
 
 KEY_PREFIX = "vsk_"
 """By it those who look for secrets in published code find a key."""
 SECRET_BYTES = 32
+OWNER_NAME = re.compile(r"[^\x00-\x1f\x7f]{1,100}")
 SESSION_TIME = timedelta(hours=12)
 LINK_TIME = timedelta(hours=1)
 
@@ -40,9 +42,9 @@ _BY_SECRET = f"""
     WHERE k.secret_sha256 = :secret AND {_IS_VALID}
 """  # noqa: S608 - constants
 _BY_SESSION = f"""
-    SELECT k.scope, k.owner_id, k.id, least(s.expires_at, k.expires_at) AS expires_at, k.last_used_on
-    FROM sessions AS s JOIN keys AS k ON k.id = s.key_id
-    WHERE s.secret_sha256 = :secret AND s.expires_at > now() AND {_IS_VALID}
+    SELECT s.scope, s.owner_id, s.key_id AS id, least(s.expires_at, k.expires_at) AS expires_at, k.last_used_on
+    FROM sessions AS s LEFT JOIN keys AS k ON k.id = s.key_id
+    WHERE s.secret_sha256 = :secret AND s.expires_at > now() AND (s.key_id IS NULL OR {_IS_VALID})
 """  # noqa: S608 - constants
 _USED = text("UPDATE keys SET last_used_on = :day WHERE id = :id AND last_used_on IS DISTINCT FROM :day")
 _CREATE_KEY = text("""
@@ -62,13 +64,21 @@ _OWNERS = """
         FROM drive_counts AS c WHERE c.owner_id = o.id AND c.status <> 'cancelled') AS of_drives
 """
 _CREATE_OWNER = text("INSERT INTO owners (name) VALUES (:name) ON CONFLICT (name) DO NOTHING RETURNING id")
-_VALUES = "(secret_sha256, key_id, expires_at) VALUES (:secret, :key_id, :expires_at)"
-_KEEP = {table: text(f"INSERT INTO {table} {_VALUES}") for table in ("sessions", "login_links")}
-_USE_LINK = text(
-    "DELETE FROM login_links WHERE secret_sha256 = :secret RETURNING key_id, expires_at > now() AS valid"
+_KEEP_SESSION = text("""
+    INSERT INTO sessions (secret_sha256, owner_id, scope, key_id, expires_at)
+    VALUES (:secret, :owner_id, :scope, :key_id, :expires_at)
+""")
+_KEEP_LINK = text(
+    "INSERT INTO login_links (secret_sha256, key_id, expires_at) VALUES (:secret, :key_id, :expires_at)"
 )
+_BY_LINK = f"""
+    WITH used AS (DELETE FROM login_links WHERE secret_sha256 = :secret RETURNING key_id, expires_at)
+    SELECT k.scope, k.owner_id, k.id, k.expires_at, k.last_used_on FROM used JOIN keys AS k ON k.id = used.key_id
+    WHERE used.expires_at > now() AND {_IS_VALID}
+"""  # noqa: S608 - constants
+_NAME_OF_OWNER = text("SELECT name FROM owners WHERE id = :id")
 _END_SESSION = text("DELETE FROM sessions WHERE secret_sha256 = :secret")
-_PRUNE = [text(f"DELETE FROM {table} WHERE expires_at < now()") for table in _KEEP]  # noqa: S608 - constants
+_PRUNE = [text(f"DELETE FROM {table} WHERE expires_at < now()") for table in ("sessions", "login_links")]  # noqa: S608
 
 
 @dataclass(frozen=True)
@@ -118,6 +128,14 @@ def owners(session: Session) -> list[Owner]:
     return [Owner(*row) for row in session.execute(text(_OWNERS + " ORDER BY o.name"))]
 
 
+def ensure_owner(session: Session, name: str) -> Owner:
+    """The owner of that name, made where there is none."""
+    session.execute(_CREATE_OWNER, {"name": name})
+    found = owner_named(session, name)
+    assert found is not None  # noqa: S101 - it is there now
+    return found
+
+
 def owner_named(session: Session, name: str) -> Owner | None:
     """The owner of that name, or None."""
     row = session.execute(text(_OWNERS + " WHERE o.name = :name"), {"name": name}).first()
@@ -137,6 +155,22 @@ def create_owner(session: Session, name: str) -> Owner:
     made = owner_named(session, name)
     assert made is not None  # noqa: S101 - just made
     return made
+
+
+def name_of_owner(session: Session, owner_id: int) -> str | None:
+    """Its name, or None."""
+    return session.execute(_NAME_OF_OWNER, {"id": owner_id}).scalar()
+
+
+def caller_named(session: Session, name: str, *, operates: bool) -> Caller | None:
+    """The caller whom a provider or a proxy names; its owner is made at the first time.
+
+    None: it may not be. The operator's owner has what nobody else has: nobody gets into it by being called like it.
+    """
+    owner = ensure_owner(session, name)
+    if owner.id == OPERATOR_OWNER and not operates:
+        return None
+    return Caller("operate" if operates else "own", owner.id)
 
 
 def list_keys(session: Session, owner_id: int | None = None) -> list[Key]:
@@ -177,20 +211,21 @@ def rotate_key(session: Session, key_id: uuid.UUID) -> tuple[Key, str] | None:
 
 def create_link(session: Session, key_id: uuid.UUID, valid: timedelta = LINK_TIME) -> str:
     """The secret of a link that logs one browser in, as the key would."""
-    return _keep(session, "login_links", key_id, valid)[0]
+    secret = secrets.token_urlsafe(SECRET_BYTES)
+    until = datetime.now(UTC) + valid
+    session.execute(_KEEP_LINK, {"secret": hashed(secret), "key_id": key_id, "expires_at": until})
+    return secret
 
 
-def use_link(session: Session, secret: str) -> uuid.UUID | None:
-    """The key that the link stands for, once; None: there is no such link (any more)."""
-    row = session.execute(_USE_LINK, {"secret": hashed(secret)}).first()
-    return None if row is None or not row.valid else uuid.UUID(str(row.key_id))
-
-
-def begin_session(session: Session, key_id: uuid.UUID) -> tuple[str, datetime]:
-    """A new session of that key: what its cookie holds, and until when it is good."""
+def begin_session(session: Session, caller: Caller) -> str:
+    """A new session of that caller: what its cookie holds."""
     for prune in _PRUNE:
         session.execute(prune)
-    return _keep(session, "sessions", key_id, SESSION_TIME)
+    secret = secrets.token_urlsafe(SECRET_BYTES)
+    values = {"owner_id": caller.owner_id, "scope": caller.scope, "key_id": caller.key_id}
+    until = datetime.now(UTC) + SESSION_TIME
+    session.execute(_KEEP_SESSION, {"secret": hashed(secret), "expires_at": until, **values})
+    return secret
 
 
 def end_session(session: Session, secret: str) -> None:
@@ -203,9 +238,23 @@ def by_key(session: Session, secret: str) -> Known | None:
     return _known(session, session.execute(text(_BY_SECRET), {"secret": hashed(secret)}).first())
 
 
+def by_link(session: Session, secret: str) -> Known | None:
+    """Whom the link stands for, once; None: there is no such link (any more)."""
+    return _known(session, session.execute(text(_BY_LINK), {"secret": hashed(secret)}).first())
+
+
 def by_session(session: Session, secret: str) -> Known | None:
     """Whom the session stands for, or None; notes the day."""
     return _known(session, session.execute(text(_BY_SESSION), {"secret": hashed(secret)}).first())
+
+
+def by_proxy(session: Session, named: str) -> Known | None:
+    """Whom a proxy names: the owner and, in a second line, the role."""
+    name, _, role = named.partition("\n")
+    if not OWNER_NAME.fullmatch(name):
+        return None
+    caller = caller_named(session, name, operates=role == "operate")
+    return None if caller is None else Known(caller, None)
 
 
 def new_key() -> str:
@@ -217,15 +266,9 @@ def _known(session: Session, row: Row[Any] | None) -> Known | None:
     if row is None:
         return None
     today = datetime.now(UTC).date()
-    if row.last_used_on != today:
+    if row.id is not None and row.last_used_on != today:
         session.execute(_USED, {"id": row.id, "day": today})
     return Known(Caller(row.scope, row.owner_id, row.id), row.expires_at)
-
-
-def _keep(session: Session, table: str, key_id: uuid.UUID, valid: timedelta) -> tuple[str, datetime]:
-    secret, until = secrets.token_urlsafe(SECRET_BYTES), datetime.now(UTC) + valid
-    session.execute(_KEEP[table], {"secret": hashed(secret), "key_id": key_id, "expires_at": until})
-    return secret, until
 
 
 def _end(session: Session, key_id: uuid.UUID) -> None:

@@ -11,6 +11,7 @@ ServiceError            a request cannot be answered as asked
 ├── UnsupportedBodyError     a body of a kind that is not taken
 ├── NotAcceptableError       a representation that does not exist
 ├── UnauthorizedError        nobody may ask for it, and whoever asks is nobody
+│   └── LoginFailedError          a provider of logins was not understood
 ├── ForbiddenError           the key is not for that
 ├── ConflictError            there is one of that name already
 ├── TooOftenError            somebody tries again and again
@@ -130,6 +131,12 @@ class UnauthorizedError(ServiceError):
     """It needs a key: send one as `Authorization: Bearer vsk_...`, or log in at /login."""
 
     answer = (401, "unauthorized", "A key is needed")
+
+
+class LoginFailedError(UnauthorizedError):
+    """The provider of logins did not say who it is. Try again, or log in by a key."""
+
+    answer = (401, "login-failed", "Not logged in")
 
 
 class ForbiddenError(ServiceError):

@@ -112,14 +112,27 @@ def _make_tables() -> None:
         sa.CheckConstraint("scope IN ('upload', 'own', 'operate')", name="scope"),
     )
     op.create_index("ix_keys_owner_id", "keys", ["owner_id"])
+    op.create_table(
+        "sessions",
+        sa.Column("secret_sha256", sa.LargeBinary(), primary_key=True),
+        sa.Column(
+            "owner_id", sa.BigInteger(), sa.ForeignKey("owners.id", ondelete="CASCADE"), nullable=False
+        ),
+        sa.Column("scope", sa.String(), nullable=False),
+        sa.Column("key_id", sa.Uuid(), sa.ForeignKey("keys.id", ondelete="CASCADE")),
+        sa.Column("created_at", sa.DateTime(timezone=True), server_default=now, nullable=False),
+        sa.Column("expires_at", sa.DateTime(timezone=True), nullable=False),
+        sa.CheckConstraint("scope IN ('own', 'operate')", name="scope"),
+    )
+    op.create_index("ix_sessions_owner_id", "sessions", ["owner_id"])
+    op.create_table(
+        "login_links",
+        sa.Column("secret_sha256", sa.LargeBinary(), primary_key=True),
+        sa.Column("key_id", sa.Uuid(), sa.ForeignKey("keys.id", ondelete="CASCADE"), nullable=False),
+        sa.Column("created_at", sa.DateTime(timezone=True), server_default=now, nullable=False),
+        sa.Column("expires_at", sa.DateTime(timezone=True), nullable=False),
+    )
     for table in ("sessions", "login_links"):
-        op.create_table(
-            table,
-            sa.Column("secret_sha256", sa.LargeBinary(), primary_key=True),
-            sa.Column("key_id", sa.Uuid(), sa.ForeignKey("keys.id", ondelete="CASCADE"), nullable=False),
-            sa.Column("created_at", sa.DateTime(timezone=True), server_default=now, nullable=False),
-            sa.Column("expires_at", sa.DateTime(timezone=True), nullable=False),
-        )
         op.create_index(f"ix_{table}_key_id", table, ["key_id"])
     # Every process of the API keeps callers in memory until it is told that something of them changed.
     op.execute("""

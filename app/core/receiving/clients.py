@@ -22,6 +22,8 @@ from app.core.settings import Network
 CLIENT_PREFIX = 64
 """Of IPv6: a client that has one address has all 2^64 of its network."""
 UNKNOWN = "unknown"
+PROXIED = "versant.proxied"
+"""What the scope of a request has that came through a proxy which the settings name."""
 _LONGEST_ADDRESS = 60
 
 log = logging.getLogger(__name__)
@@ -108,7 +110,7 @@ class Forwarded:
     def _believed(self, scope: Scope, peer: str, headers: Sequence[bytes]) -> Scope:
         schemes = [value for name, value in scope["headers"] if name == b"x-forwarded-proto"]
         scheme = schemes[-1].decode("latin-1").strip().lower() if schemes else ""
-        believed = dict(scope)
+        believed = {**scope, PROXIED: True}
         if scheme in {"http", "https"}:
             believed["scheme"] = scheme
         if headers:

@@ -9,20 +9,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import lru_cache
-from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
+from ipaddress import IPv4Network, IPv6Network, ip_network
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field, SecretStr, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_settings import SettingsConfigDict
 
-from app.core.settings.places import GIB, Places
+from app.core.settings.access import Access, HttpUrlText, PublicMap, is_loopback
+from app.core.settings.places import GIB
 from fusion.errors import FusionError
 
 ENV_PREFIX = "VERSANT_"
 ANY_ORIGIN = "*"
-QUOTA_MOST = 10**15 - 1
-"""The largest integer that a structured header field can tell (RFC 9651)."""
 _ORIGIN = re.compile(r"https?://[^/?#@\s,]+")
 
 Network = IPv4Network | IPv6Network
@@ -32,12 +31,6 @@ class SettingsError(FusionError):
     """A setting has a value that cannot be used; the message names the variable."""
 
     kind = "bad-settings"
-
-
-def _http_url(url: str) -> str:
-    if not url.startswith(("http://", "https://")):
-        raise ValueError("it must begin with http:// or https://")
-    return url.rstrip("/")
 
 
 def _login_url(url: str) -> str:
@@ -72,44 +65,16 @@ def _networks(text: str) -> str:
     return text
 
 
-def is_loopback(host: str) -> bool:
-    """Whether the name or address is this machine's own."""
-    name = host.strip("[]").lower().rstrip(".")
-    try:
-        return name == "localhost" or ip_address(name).is_loopback
-    except ValueError:
-        return False
-
-
-HttpUrlText = Annotated[str, AfterValidator(_http_url)]
 LoginUrlText = Annotated[str, AfterValidator(_login_url)]
 Zoom = Annotated[int, Field(ge=0, le=24)]
 
 
-class Settings(Places):
+class Settings(Access):
     """All settings of the service; frozen. An empty variable counts as unset."""
 
     model_config = SettingsConfigDict(
         env_prefix=ENV_PREFIX, env_ignore_empty=True, frozen=True, extra="forbid"
     )
-
-    # Who may ask for what
-    access: Literal["keys", "open"] = "keys"
-    """Whom the API answers: whoever has a key for what is asked (keys), or everybody for everything (open). Open is for
-    a service that only this machine reaches; OPEN_TO_NETWORK allows it elsewhere."""
-    open_to_network: bool = False
-    """Whether ACCESS may be open though others reach the service: everybody who does may then read and remove every
-    drive."""
-    public_map: Literal["live", "off"] | None = None
-    """What is answered without a key: the map as it is now (live), or nothing of it (off). A map that changes when a
-    drive arrives gives the drive away. Unset: live where only this machine reaches the service, else off."""
-    key: SecretStr | None = None
-    """The key that `versant upload` and other clients send; unset: that of the data folder, to this machine alone."""
-    quota_drives: int | None = Field(None, ge=0, le=QUOTA_MOST)
-    """Drives that an owner may upload in a day (UTC); one more is answered by 429. Unset: any number. An owner can have
-    a quota of its own; the operator has no other."""
-    quota_bytes: int | None = Field(None, ge=0, le=QUOTA_MOST)
-    """Bytes that an owner may upload in a day, as QUOTA_DRIVES says it of drives; bytes as stored."""
 
     # Before every route of the API: whom it believes, and what one client may hold of it
     cors_origins: Annotated[str, AfterValidator(_origins)] | None = None
@@ -254,6 +219,10 @@ class Settings(Places):
                 "trusted_proxies say so); set VERSANT_OPEN_TO_NETWORK=true as well if everybody who reaches it may "
                 "read and remove every drive"
             )
+        if self.oidc_issuer and not (self.oidc_client_id and self.oidc_client_secret):
+            raise ValueError("oidc_issuer needs oidc_client_id and oidc_client_secret")
+        if self.proxy_secret and not self.trusted_proxies:
+            raise ValueError("proxy_secret needs trusted_proxies: it is believed from these alone")
         return self
 
     @property
@@ -264,7 +233,7 @@ class Settings(Places):
         return is_loopback(self.host) and not others and (public is None or is_loopback(public))
 
     @property
-    def shown_map(self) -> Literal["live", "off"]:
+    def shown_map(self) -> PublicMap:
         """What is answered without a key."""
         return self.public_map or ("live" if self.is_local else "off")
 

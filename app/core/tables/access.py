@@ -57,22 +57,28 @@ class KeyRow(Base):
     __table_args__ = (sa.CheckConstraint("scope IN ('upload', 'own', 'operate')", name="scope"),)
 
 
-class _Secret:
-    """Stands for a key, for some hours."""
+class SessionRow(Base):
+    """A browser that logged in; the row goes when it logs out."""
+
+    __tablename__ = "sessions"
+
+    secret_sha256: Mapped[bytes] = mapped_column(primary_key=True)
+    owner_id: Mapped[int] = mapped_column(goes_with("owners"), index=True)
+    scope: Mapped[str]
+    key_id: Mapped[uuid.UUID | None] = mapped_column(goes_with("keys"), index=True)
+    """The key that it began with, and ends with; NULL: a provider of logins said who it is."""
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+    expires_at: Mapped[datetime]
+
+    __table_args__ = (sa.CheckConstraint("scope IN ('own', 'operate')", name="scope"),)
+
+
+class LoginLinkRow(Base):
+    """A link that logs a browser in; the row goes when it is used."""
+
+    __tablename__ = "login_links"
 
     secret_sha256: Mapped[bytes] = mapped_column(primary_key=True)
     key_id: Mapped[uuid.UUID] = mapped_column(goes_with("keys"), index=True)
     created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     expires_at: Mapped[datetime]
-
-
-class SessionRow(_Secret, Base):
-    """A browser that logged in; the row goes when it logs out."""
-
-    __tablename__ = "sessions"
-
-
-class LoginLinkRow(_Secret, Base):
-    """A link that logs a browser in; the row goes when it is used."""
-
-    __tablename__ = "login_links"

@@ -12,10 +12,11 @@ import pytest
 from sqlalchemy import text
 
 from app.access import store
-from app.access.routes import LOGINS
+from app.access.sessions import LOGINS
 from app.core.settings import Settings
 from gate_support import Guarded
 from problem_support import check
+from server_support import wait_until
 from web_fixtures import TLS, served
 
 ORIGIN = "http://elsewhere.example"
@@ -145,7 +146,7 @@ def test_a_session_ends_with_its_key(guarded: Guarded, change: dict[str, str]) -
             session.execute(
                 text(f"UPDATE keys SET {column} = {value} WHERE id = :id"), {"id": guarded.ids["anna"]}
             )
-        soon(lambda: client.get("/v1/drives").status_code == 401)
+        wait_until(lambda: client.get("/v1/drives").status_code == 401)
 
 
 def test_a_session_ends_by_itself(guarded: Guarded) -> None:
@@ -221,10 +222,3 @@ def test_no_secret_is_kept(guarded: Guarded) -> None:
             for table in ("keys", "sessions", "login_links", "audit_log"):
                 rows = str(session.execute(text(f"SELECT * FROM {table}")).all())
                 assert not any(secret in rows or secret.removeprefix("vsk_") in rows for secret in secrets)
-
-
-def soon(condition: Any) -> None:
-    deadline = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)

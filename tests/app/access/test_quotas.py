@@ -58,7 +58,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[datetime], None]:
 
     def set_clock(now: datetime) -> None:
         monkeypatch.setattr(quotas, "utc_now", lambda: now)
-        monkeypatch.setattr("app.access.owners.utc_now", lambda: now)
+        monkeypatch.setattr("app.access.routes.utc_now", lambda: now)
 
     set_clock(NOON)
     return set_clock
@@ -186,6 +186,18 @@ def test_the_operator_has_no_quota_but_its_own(service: Uploads) -> None:
         assert "ratelimit" not in answer.headers
     assert service.ask("operate", "PATCH", "/v1/owners/1", json={"quota_drives": 4}).status_code == 200
     assert service.send(log(9), caller="operate").status_code == 429
+
+
+def test_whoever_operates_has_no_quota_of_all(service: Uploads) -> None:
+    with service.web.sessions.begin() as session:
+        _, service.secrets["anna operates"] = store.create_key(session, service.owner_id, "x", "operate")
+    for number in range(QUOTA_DRIVES + 1):
+        assert service.send(log(number), caller="anna operates").status_code == 202
+    assert service.ask("anna operates", "GET", "/v1/owner").json()["today"]["quota_drives"] is None
+    assert (
+        service.ask("operate", "GET", f"/v1/owners/{service.owner_id}").json()["today"]["quota_drives"] == 3
+    )
+    assert service.send(log(9)).status_code == 429, "what was sent as an operator counts"
 
 
 def test_an_owner_has_quotas_of_its_own(service: Uploads) -> None:
