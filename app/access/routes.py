@@ -24,13 +24,15 @@ from app.access.documents import (
 from app.access.gate import callers_of
 from app.access.quotas import OwnQuotas, set_quotas, standing, utc_now
 from app.core.caller import present_caller
-from app.core.errors import BadRequestError, ForbiddenError
+from app.core.errors import BadRequestError, ForbiddenError, TooManyError
 from app.core.http import UNREADABLE_BODY, Service, ServiceDep, existing, problems
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 
 router = APIRouter(prefix="/v1", tags=["access"])
 
+MOST_KEYS = 10_000
+"""Of one owner, those included that are revoked: they stay, for the audit names them."""
 MAX_ID = 2**63 - 1
 OwnerId = Annotated[int, Path(ge=1, le=MAX_ID, description="The owner's number.", examples=[2])]
 
@@ -51,7 +53,7 @@ def list_keys(
     status_code=201,
     summary="Make a key",
     response_model=MadeKey,
-    responses={**UNREADABLE_BODY, **problems(401, 403, 404, 422)},
+    responses={**UNREADABLE_BODY, **problems(401, 403, 404, 409, 422)},
 )
 def make_key(request: NewKey, response: Response, service: ServiceDep, origin: Origin) -> MadeKey:
     """Make a key. Its secret is in the answer and is never told again."""
@@ -66,6 +68,10 @@ def make_key(request: NewKey, response: Response, service: ServiceDep, origin: O
         if request.owner is not None:
             owner_id = existing(store.owner_named(session, request.owner), "owner", request.owner).id
         assert owner_id is not None  # noqa: S101 - whoever may do this has an owner
+        if len(store.list_keys(session, owner_id)) >= MOST_KEYS:
+            raise TooManyError(
+                f"This owner has had {MOST_KEYS} keys, as many as one may. Rotate one of them."
+            )
         key, secret = store.create_key(session, owner_id, request.label, request.scope, request.expires_at)
         audit.note(session, origin, "key made", f"key {key.id}", scope=key.scope, owner=key.owner)
     return MadeKey(key=Key.of(key), secret=secret)
