@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 import typer
 import yaml
 
+from app.access.rules import ROUTES, Rule
 from app.cli import app as command_line
 from app.core.settings import ENV_PREFIX, Settings
 from app.main import create_app
@@ -21,6 +23,7 @@ from app.main import create_app
 REPOSITORY = Path(__file__).resolve().parents[1]
 DOCKERFILE = REPOSITORY / ".docker" / "Dockerfile"
 OURS = ("migrate", "api", "worker")
+ON_THE_INTERNET = ("proxy", "backup")
 
 
 @pytest.fixture(scope="module")
@@ -43,15 +46,20 @@ def value_when_unset(text: str) -> str:
 
 def check_command(arguments: list[str]) -> None:
     """Fail unless ``versant ARGUMENTS`` names a command and only options that it has."""
-    group: Any = typer.main.get_command(command_line)
-    assert arguments[0] in group.commands, f"there is no `versant {arguments[0]}`"
-    known = {option for p in group.commands[arguments[0]].params for option in (*p.opts, *p.secondary_opts)}
-    used = {a.split("=")[0] for a in arguments[1:] if a.startswith("-")}
+    command: Any = typer.main.get_command(command_line)
+    for name in arguments:
+        if hasattr(command, "commands"):
+            assert name in command.commands, f"there is no `versant {name}`"
+            command = command.commands[name]
+    known = {option for p in command.params for option in (*p.opts, *p.secondary_opts)}
+    used = {a.split("=")[0] for a in arguments if a.startswith("-")}
     assert used <= known, f"`versant {arguments[0]}` has no {used - known}"
 
 
 def test_the_services_are_there(compose: dict[str, Any]) -> None:
-    assert set(compose["services"]) == {"db", *OURS}
+    assert set(compose["services"]) == {"db", *OURS, *ON_THE_INTERNET}
+    for name, service in compose["services"].items():
+        assert service.get("profiles") == (["internet"] if name in ON_THE_INTERNET else None)
     assert compose["services"]["worker"]["deploy"]["replicas"] >= 2
 
 
@@ -105,10 +113,49 @@ def test_the_health_check_asks_a_route_that_exists(compose: dict[str, Any]) -> N
     assert asked is not None
     assert asked[1] == environment_of(api)["VERSANT_PORT"]
     assert asked[2] in create_app(Settings()).openapi()["paths"]
+    assert ROUTES["GET", asked[2]] is Rule.OPEN
 
 
-def test_without_access_control_only_this_machine_reaches_the_api(compose: dict[str, Any]) -> None:
-    assert all(port.startswith("127.0.0.1:") for port in compose["services"]["api"]["ports"])
+def test_nothing_is_seen_without_a_key_and_only_this_machine_reaches_the_api(
+    compose: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    api = compose["services"]["api"]
+    for variable, value in environment_of(api).items():
+        monkeypatch.setenv(variable, value_when_unset(value))
+    read = Settings()
+    assert (read.access, read.shown_map) == ("keys", "off")
+    assert all(port.startswith("127.0.0.1:") for port in api["ports"])
+
+
+def test_the_proxy_is_the_one_that_the_api_believes(compose: dict[str, Any]) -> None:
+    proxy, api = compose["services"]["proxy"], environment_of(compose["services"]["api"])
+    address = proxy["networks"]["default"]["ipv4_address"]
+    assert value_when_unset(api["VERSANT_TRUSTED_PROXIES"]) == address
+    (pool,) = compose["networks"]["default"]["ipam"]["config"]
+    assert ip_address(address) in ip_network(pool["subnet"])
+    command = proxy["command"]
+    assert command[:2] == ["caddy", "reverse-proxy"]
+    assert command[command.index("--to") + 1] == f"api:{api['VERSANT_PORT']}"
+    assert value_when_unset(command[command.index("--from") + 1]) == "localhost"
+
+
+def test_the_nightly_backup_is_a_command_that_the_image_can_run(compose: dict[str, Any]) -> None:
+    backup = compose["services"]["backup"]
+    found = re.search(r"versant (backup (/\w+)/\w+);", backup["entrypoint"][2])
+    assert found is not None
+    check_command(found[1].split())
+    assert f"backups:{found[2]}" in backup["volumes"]
+    text = DOCKERFILE.read_text()
+    assert "postgresql-client" in text  # pg_dump
+    assert re.search(rf"install -d -o versant -g versant .*{found[2]}", text)
+
+
+def test_the_first_steps_are_commands_that_exist() -> None:
+    text = (REPOSITORY / "docker-compose.yml").read_text()
+    steps = re.findall(r"^#   docker compose exec api versant (.+?)(?:  .*)?$", text, flags=re.MULTILINE)
+    assert [step.split()[:2] for step in steps] == [["keys", "create"], ["keys", "link"]]
+    for step in steps:
+        check_command(step.split())
 
 
 def test_volumes_are_declared_and_data_is_shared(compose: dict[str, Any]) -> None:

@@ -90,7 +90,7 @@ SERVICE = {
         "upkeep",
     },
     "exports": {"core", "jobs", "map", "network", "roads", "terrain"},
-    "demo": {"cli", "core", "embedded", "map", "roads", "terrain"},
+    "demo": {"access", "cli", "core", "embedded", "map", "roads", "terrain"},
 }
 """Room -> the rooms of the service that it may import from."""
 

@@ -68,6 +68,9 @@ COMMANDS = {
         "Show what repeated drives say of each other's sigmas; widen those that they contradict.",
     ),
     "elevation": Command("app.cli.elevation", "List, rank or remove the elevation rasters that are in use."),
+    "keys": Command(
+        "app.cli.keys", "Make, list, revoke or renew the keys of a service, or log a browser in."
+    ),
     "backup": Command(
         "app.cli.upkeep", "Copy the database, the logs and the elevation rasters of a running service."
     ),

@@ -19,6 +19,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Protocol, Self
 
+from pydantic import SecretStr
+
 from app.cli.console import Console
 from app.core.settings import ENV_PREFIX, Settings
 
@@ -219,8 +221,10 @@ def _memory_bytes() -> int:
 
 def child_environment(settings: Settings) -> dict[str, str]:
     """The environment in which a child reads exactly these settings."""
-    changed = settings.model_dump(mode="json", exclude_none=True)
-    ours = {ENV_PREFIX + name.upper(): str(value) for name, value in changed.items()}
+    # Without the key: that is for commands that ask a service.
+    changed = settings.model_dump(mode="json", exclude_none=True, exclude={"key"})
+    secrets = {name: value.get_secret_value() for name, value in settings if isinstance(value, SecretStr)}
+    ours = {ENV_PREFIX + name.upper(): str(secrets.get(name, value)) for name, value in changed.items()}
     return {name: v for name, v in os.environ.items() if not name.startswith(ENV_PREFIX)} | ours
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 import httpx
 
+from app.access.folder import KEY_FORM
+from app.core.settings import is_loopback
 from fusion.errors import FusionError
 
 if TYPE_CHECKING:
@@ -36,6 +38,16 @@ _TROUBLE: dict[type[Exception], str] = {
 }
 """What is said where no answer comes: of the first kind that an error is of."""
 
+_NO_KEY = (
+    "The service at {server} asks for a key. Name one by VERSANT_KEY or --key; of a service on this machine its data "
+    "folder will do (--data-dir). `versant keys create` makes keys."
+)
+_WRONG_KEY = (
+    "The service at {server} does not take the key that it was sent: it was revoked, has expired, or is another "
+    "service's. Keys are taken from --key, else VERSANT_KEY, else operator.key of the data folder."
+)
+_SMALL_KEY = "{detail} --key or VERSANT_KEY name another key; `versant keys create --scope` makes one."
+
 BytesSent = Callable[[int], None]
 DriveSeen = Callable[["RemoteDrive"], None]
 
@@ -44,6 +56,14 @@ class ClientError(FusionError):
     """The service cannot be reached, or refused a request; the message is for a person."""
 
     kind = "client"
+
+
+class BadKeyError(ClientError):
+    """A text that cannot be a key."""
+
+
+class RefusedKeyError(ClientError):
+    """The service wants a key, or another one."""
 
 
 @dataclass(frozen=True)
@@ -89,16 +109,28 @@ def shown(progress: Progress) -> DriveSeen:
 class Client:
     """Requests to one service; use as a context manager."""
 
-    def __init__(self, server: str, *, transport: httpx.BaseTransport | None = None) -> None:
+    def __init__(
+        self, server: str, *, key: str | None = None, transport: httpx.BaseTransport | None = None
+    ) -> None:
         """``server`` is the base address, such as ``http://127.0.0.1:8000``; ``transport`` is for tests.
 
-        Raises ``ClientError`` for an address that cannot be one of a service.
+        ``key`` is shown to that server and to no other. Raises ``ClientError`` for an address that cannot be one of a
+        service, ``BadKeyError`` for what cannot be a key.
         """
-        _check_address(server)
+        check_address(server)
+        if key is not None and not KEY_FORM.fullmatch(
+            key
+        ):  # which is not repeated: it may be one with a slip
+            raise BadKeyError("That is no key: one is vsk_ and 43 letters, digits, - and _ after it.")
         self.server = server.rstrip("/")
+        self._key = _Key(key, self.server) if key else None
         # An address on this machine must never go through a proxy that the environment names for the world.
         self._http = httpx.Client(
-            base_url=self.server, timeout=TIMEOUT_S, transport=transport, trust_env=not _is_local(self.server)
+            base_url=self.server,
+            timeout=TIMEOUT_S,
+            transport=transport,
+            trust_env=not is_local(self.server),
+            auth=self._key,
         )
 
     def __enter__(self) -> Self:
@@ -167,12 +199,18 @@ class Client:
         """GET an address of the service; an error answer raises ``ClientError`` with its sentence."""
         return self.request("GET", address, headers={"Accept": accept} if accept else None)
 
-    def pages(self, address: str | None, params: Mapping[str, Any] | None = None) -> Iterator[dict[str, Any]]:
-        """The documents of a list, following ``next`` links."""
-        while address is not None:
+    def pages(self, address: str, params: Mapping[str, Any] | None = None) -> Iterator[dict[str, Any]]:
+        """The documents of a list, following ``next`` links.
+
+        Each is asked for at the address of the first one: links may name the host under which others reach the service
+        (VERSANT_PUBLIC_URL), and the key is for this one.
+        """
+        following: str | None = address
+        while following is not None:
             page = self.request("GET", address, params=params).json()
             yield page
-            address, params = link_of(page, "next"), None
+            following = link_of(page, "next")
+            params = httpx.URL(following or "").params
 
     def request(self, verb: str, address: str, **arguments: Any) -> httpx.Response:
         """Ask anything of the service; an error answer raises ``ClientError`` with its sentence."""
@@ -182,9 +220,42 @@ class Client:
             sentence = next(text for kind, text in _TROUBLE.items() if isinstance(error, kind))
             reason = str(error) or type(error).__name__
             raise ClientError(sentence.format(server=self.server, reason=reason)) from error
+        if (
+            answer.next_request is not None
+        ):  # not followed: who asked named this server, and the key is for it
+            raise ClientError(
+                f"The service at {self.server} sends on to {answer.next_request.url}. Name the address that it is to "
+                "be asked at by --server or VERSANT_SERVER."
+            )
         if answer.is_error:
-            raise ClientError(_refusal(answer))
+            raise self._refusal(answer)
         return answer
+
+    def _refusal(self, answer: httpx.Response) -> ClientError:
+        """The sentence of a problem document, or the bare status of anything else; of keys what to do."""
+        try:
+            problem = answer.json()
+            detail, kind = str(problem["detail"]), str(problem.get("type", "")).rpartition("/")[2]
+        except (ValueError, KeyError, TypeError):
+            reason = f"{answer.status_code} {answer.reason_phrase}"
+            return ClientError(f"The service answered {reason} to {answer.request.url}.")
+        if kind == "unauthorized":
+            return RefusedKeyError((_WRONG_KEY if self._key else _NO_KEY).format(server=self.server))
+        if kind == "forbidden":
+            return RefusedKeyError(_SMALL_KEY.format(detail=detail))
+        return ClientError(detail)
+
+
+class _Key(httpx.Auth):
+    """Shows the key to one server: no link and no redirect carries it elsewhere."""
+
+    def __init__(self, key: str, server: str) -> None:
+        self._shown, self._origin = f"Bearer {key}", _origin(httpx.URL(server))
+
+    def auth_flow(self, request: httpx.Request) -> Generator[httpx.Request, httpx.Response]:
+        if _origin(request.url) == self._origin:
+            request.headers["Authorization"] = self._shown
+        yield request
 
 
 class _Counted(io.RawIOBase):
@@ -208,7 +279,8 @@ class _Counted(io.RawIOBase):
         return self._file.fileno()
 
 
-def _check_address(server: str) -> None:
+def check_address(server: str) -> None:
+    """Raise ``ClientError`` for what cannot be the address of a service."""
     try:
         url = httpx.URL(server)
     except httpx.InvalidURL as error:
@@ -221,14 +293,10 @@ def _check_address(server: str) -> None:
         )
 
 
-def _is_local(server: str) -> bool:
-    return httpx.URL(server).host in {"127.0.0.1", "localhost", "::1"}
+def is_local(server: str) -> bool:
+    """Whether an address is one of this machine."""
+    return is_loopback(httpx.URL(server).host)
 
 
-def _refusal(answer: httpx.Response) -> str:
-    """The sentence of a problem document, or the bare status of anything else."""
-    try:
-        problem = answer.json()
-        return str(problem["detail"])
-    except (ValueError, KeyError, TypeError):
-        return f"The service answered {answer.status_code} {answer.reason_phrase} to {answer.request.url}."
+def _origin(url: httpx.URL) -> tuple[str, str, int | None]:
+    return url.scheme, url.host, url.port

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from fusion.errors import FusionError
 
 if TYPE_CHECKING:
     from app.cli.client import Client, RemoteDrive
+    from app.core.settings import Settings
 
 app = typer.Typer(add_completion=False)
 
@@ -21,6 +23,18 @@ SHOWN = ("file", "drive", "status", "segments")
 """What the table shows of each upload; why one failed is said once, on standard error."""
 
 SERVER = cli.opt("Address of the service.  [default: VERSANT_SERVER]", metavar="URL")
+KEY = cli.opt(
+    "Key that the service is shown.  [default: VERSANT_KEY, else that in its data folder on this machine]",
+    "--key",
+    metavar="KEY",
+)
+KEY_DIR = cli.opt(
+    "Data folder of the service that is asked, where it is on this machine: for its operator.key.  "
+    "[default: VERSANT_DATA_DIR]",
+    "--data-dir",
+    metavar="DIR",
+    file_okay=False,
+)
 GNSS_CHOICE = cli.opt(
     "How positions are computed (`versant methods` lists the ways); without it as the service does by itself.",
     "--gnss",
@@ -34,6 +48,8 @@ def upload(
     files: list[Path] = cli.LOG_NAMES,
     together: bool = cli.TOGETHER,
     server: str | None = SERVER,
+    key: str | None = KEY,
+    data_dir: Path | None = KEY_DIR,
     method: str | None = cli.opt("Estimator; without it the service's default."),
     option: list[str] | None = cli.METHOD_OPTION,
     gnss: str | None = GNSS_CHOICE,
@@ -54,7 +70,7 @@ def upload(
         options["columns"] = cli.parse_columns(columns)
     computation = {"method": method, "options": options, "gnss": gnss}
     uploads = [Upload(source) for source in cli.drives_of(files, together)]
-    with service_client(server) as client, console.progress() as bars:
+    with service_client(server, key, data_dir) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
         for one in uploads:
             _send(client, one, computation, bars, console, wait=wait)
@@ -68,17 +84,36 @@ def upload(
         raise typer.Exit(1)
 
 
-def service_client(server: str | None) -> Client:
-    """A client of the service that ``--server`` or the settings name; raises ``typer.BadParameter``."""
-    from app.cli.client import Client, ClientError
-    from app.core.settings import load_settings
+def service_client(server: str | None, key: str | None = None, data_dir: Path | None = None) -> Client:
+    """A client of the service that ``--server`` or the settings name, with the key of ``--key`` or what stands for it.
 
-    if server is None:
-        return Client(load_settings().server)
+    Raises ``typer.BadParameter`` for an address and for a key that cannot be one.
+    """
+    from app.cli.client import BadKeyError, Client, ClientError, check_address
+    from app.core.settings import Settings, load_settings
+
+    named: dict[str, Any] = {} if data_dir is None else {"data_dir": data_dir}
+    settings = load_settings(lambda: Settings(**named))
+    address = settings.server if server is None else server
     try:
-        return Client(server)
+        check_address(address)
+        return Client(address, key=key or _key_of(settings, address))
+    except BadKeyError as error:
+        raise typer.BadParameter(str(error), param_hint="'--key' or VERSANT_KEY") from error
     except ClientError as error:
+        if server is None:
+            raise
         raise typer.BadParameter(str(error), param_hint="'--server'") from error
+
+
+def _key_of(settings: Settings, address: str) -> str | None:
+    """The key that the environment gives; else that of the data folder, which no other machine is ever shown."""
+    from app.access.folder import read_key
+    from app.cli.client import is_local
+
+    if settings.key is not None:
+        return settings.key.get_secret_value().strip()
+    return read_key(settings.data_dir) if is_local(address) else None
 
 
 @dataclass
@@ -128,10 +163,14 @@ def _send(
     client: Client, one: Upload, computation: dict[str, Any], bars: Bars, console: Console, *, wait: bool
 ) -> None:
     """Upload one drive; ``computation`` is what ``Client.upload`` takes beside the files."""
+    from app.cli.client import RefusedKeyError
+
     try:
         files = one.source.files()
         advance = bars.count(f"sending {one.source.short_name}", sum(path.stat().st_size for path in files))
         one.drive = client.upload(*files, **computation, sent=advance)
+    except RefusedKeyError:
+        raise  # said once, not per file
     except (FusionError, OSError) as error:
         one.reason = console.complain_of(one.source.name, error)
     else:
@@ -141,7 +180,7 @@ def _send(
 
 
 def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
-    from app.cli.client import shown
+    from app.cli.client import RefusedKeyError, shown
 
     if one.drive is None:
         return
@@ -149,7 +188,8 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
     one.drive = client.wait(one.drive.id, seen=shown(show))
     one.reason = one.drive.reason
     if one.drive.status == "done":
-        one.segments = sum(1 for _ in client.features(f"/v1/drives/{one.drive.id}/segments"))
+        with suppress(RefusedKeyError):  # whoever may upload alone is not shown them
+            one.segments = sum(1 for _ in client.features(f"/v1/drives/{one.drive.id}/segments"))
         _tell(one, console)
     elif one.failed:
         console.complain(f"{one.source.name}: {one.reason or one.status}")

@@ -42,6 +42,7 @@ def up(
     """
     from app.cli.children import stop_signals
     from app.cli.database import open_cluster, settings_for
+    from app.cli.keys.starting import first_link
     from app.cli.supervisor import Service
 
     settings = settings_for(data_dir, port=port, host=host)
@@ -50,8 +51,9 @@ def up(
         console.note(f"Starting in {settings.data_dir} ...")
         with open_cluster(settings) as cluster:
             ready = settings.model_copy(update={"database_url": cluster.url})
+            token = first_link(ready)
             with Service(ready, console, cluster=cluster) as service:
-                typer.echo("\n".join(welcome(service, settings)))
+                typer.echo("\n".join(welcome(service, settings, token)))
                 service.serve_forever()
     console.note("Stopped.")
 
@@ -69,6 +71,7 @@ def api(
 
     from app.cli.children import stop_with_parent
     from app.cli.database import database, settings_for
+    from app.cli.keys.starting import see_to_key
     from app.cli.supervisor import free_port, reach
     from app.core.middleware import stay_loaded
     from app.core.receiving.connections import server_options
@@ -84,6 +87,8 @@ def api(
     begin_tracing(settings, "api")
     with database(settings) as ready:
         _require_database(ready, migrated=False)  # until it is, /readyz says so
+        if settings.database_url is None:  # a server of its own gets its first key by `versant keys create`
+            see_to_key(ready)
         number = free_port(ready)
         if not with_parent:
             console.note(f"Versant's API listens on {ready.host}:{number}. {reach(ready)}")
@@ -172,18 +177,24 @@ def _voice(ctx: typer.Context, settings: Settings, process: str) -> Console:
     return LogConsole(quiet=console.quiet, debug=console.debug)
 
 
-def welcome(service: Service, settings: Settings) -> list[str]:
-    """What to open and what to do next."""
+def welcome(service: Service, settings: Settings, token: str | None) -> list[str]:
+    """What to open and what to do next; ``token`` is that of a login link, None where no keys are asked for."""
+    from app.cli.keys.commands import login_address
     from app.cli.supervisor import reach
 
     home = f"--data-dir {settings.data_dir}"
     server = f"--server {service.address}"
+    opened = f"{service.address}/map"
+    if token is not None:
+        opened = (
+            f"{login_address(service.address, token)}  (logs one browser in, once; later: versant keys link)"
+        )
     return [
         f"Versant is ready at {service.address}  (described at {service.address}/docs)",
-        f"The map: {service.address}/map",
+        f"The map: {opened}",
         reach(settings),
         f"  versant import-roads {home} FILE.osm.pbf",
         f"  versant import-dem {home} FILE...",
-        f"  versant upload {server} --wait LOG...",
+        f"  versant upload {server} {home} --wait LOG...",
         "Ctrl-C stops it.",
     ]

@@ -13,11 +13,10 @@ import httpx
 
 from app.cli.children import LONGEST_PAUSE_S, Child, Children, child_environment, versant, workers
 from app.cli.console import Console, sentence
-from app.core.settings import Settings
+from app.core.settings import Settings, is_loopback
 from app.embedded.cluster import EmbeddedPostgres
 from fusion.errors import FusionError
 
-LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 READY_TIMEOUT_S = 60.0  # from the start of the API to its first answer that it is ready
 _DATABASE_LOOK_EVERY_S = 1.0
 
@@ -116,10 +115,19 @@ def free_port(settings: Settings) -> int:
 
 
 def reach(settings: Settings) -> str:
-    """The sentence that says who can reach the service."""
-    if settings.host in LOOPBACK:
-        return "Only this machine can reach it: there is no access control yet. `versant up --host` changes that."
-    return (
-        f"Warning: it listens on {settings.host or 'every address'} and has no access control yet: whoever "
-        "reaches that address can upload and delete."
-    )
+    """The sentence that says who can reach the service, and what else it takes."""
+    local, where = is_loopback(settings.host), settings.host or "every address"
+    if settings.access == "open":
+        if local:
+            return "Only this machine can reach it, and nobody needs a key (VERSANT_ACCESS=open)."
+        return (
+            f"Warning: it listens on {where} and asks for no keys (VERSANT_ACCESS=open): whoever reaches that address "
+            "can upload and delete."
+        )
+    if local:
+        return (
+            "Only this machine can reach it; commands find its key in the data folder. `versant up --host` changes "
+            "that."
+        )
+    seen = "the map is seen without one" if settings.shown_map == "live" else "nothing is seen without one"
+    return f"It listens on {where} and asks for a key (`versant keys create`): {seen}."

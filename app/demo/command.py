@@ -44,8 +44,10 @@ def demo(
     Needs PostgreSQL with PostGIS installed and nothing else; no database is touched but its own.
     """
     from app.cli.children import stop_signals
+    from app.cli.keys.commands import login_address
+    from app.cli.keys.starting import first_link
     from app.cli.supervisor import reach
-    from app.demo.files import figures, map_address, write_files
+    from app.demo.files import figures, map_page, write_files
     from app.demo.run import demo_service, run_demo
 
     console: Console = ctx.obj
@@ -69,7 +71,9 @@ def demo(
                 typer.echo(f"On a map in your browser: {program} demo --serve")
                 return
             typer.echo(f"Still serving at {service.address} until Ctrl-C. {reach(service.settings)}")
-            typer.echo(f"Open the map: {map_address(service.address, result.features)}")
+            page, token = map_page(result.features), first_link(service.settings)
+            opened = login_address(service.address, token, page) if token else service.address + page
+            typer.echo(f"Open the map: {opened}")
             service.serve_forever()
         return
     if not serve:  # interrupted before the end

@@ -54,11 +54,11 @@ def write_files(result: DemoResult, folder: Path) -> dict[str, Path]:
     }
 
 
-def map_address(service: str, features: Sequence[Mapping[str, Any]]) -> str:
-    """The map page, on the roads of these features."""
+def map_page(features: Sequence[Mapping[str, Any]]) -> str:
+    """The path of the map page, on the roads of these features."""
     places = np.array([place for f in features for place in f["geometry"]["coordinates"]], float)
     box = [*places.min(axis=0), *places.max(axis=0)]
-    return f"{service}/map?bbox={','.join(f'{degrees:.5f}' for degrees in box)}"
+    return f"/map?bbox={','.join(f'{degrees:.5f}' for degrees in box)}"
 
 
 def figures(result: DemoResult) -> dict[str, Any]:

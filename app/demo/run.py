@@ -15,10 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from app.access.folder import read_key
 from app.cli.client import Client, RemoteDrive, shown
 from app.cli.console import Bars, Console
 from app.cli.database import sessions_of
 from app.cli.fuse_files import Fusion
+from app.cli.keys.starting import see_to_key
 from app.cli.supervisor import Service
 from app.core import migrate
 from app.core.settings import Settings
@@ -101,6 +103,7 @@ def demo_service(console: Console, port: int = 0) -> Iterator[Service]:
         settings = Settings(
             database_url=cluster.url, data_dir=Path(folder), port=port, host="127.0.0.1", log_level="WARNING"
         )
+        see_to_key(settings)
         with Service(settings, console, cluster=cluster) as service:
             yield service
 
@@ -125,7 +128,7 @@ def run_demo(
         bundle = write_all(folder, drives, seed, duration_s=duration_s, progress=bars.work("simulating"))
     with _timed("import", seconds):
         _import(service.settings, bundle, bars)
-    with Client(service.address) as client:
+    with Client(service.address, key=read_key(service.settings.data_dir)) as client:
         with _timed("fuse", seconds):
             done = _upload(client, bundle.drives, options or {}, bars)
         features = list(client.features("/collections/segments/items", limit=1000))

@@ -24,7 +24,9 @@ from PIL import Image
 
 from app.cli.children import stop_signals
 from app.cli.console import Console
-from app.demo.files import map_address
+from app.cli.keys.commands import login_address
+from app.cli.keys.starting import first_link
+from app.demo.files import map_page
 from app.demo.run import DemoResult, demo_service, run_demo
 from fusion.errors import FusionError
 
@@ -67,7 +69,9 @@ def main() -> None:
         ):
             with console.progress() as bars:
                 result = run_demo(service, Path(made_in), bars)
-            for name, picture in take_pictures(addresses(service.address, result)).items():
+            token = first_link(service.settings)
+            login = login_address(service.address, token) if token else service.address
+            for name, picture in take_pictures(login, addresses(service.address, result)).items():
                 content = small(picture)
                 (folder / f"{name}.png").write_bytes(content)
                 print(f"{folder / name}.png: {len(content) / 1000:.0f} kB")
@@ -84,14 +88,14 @@ def addresses(service: str, result: DemoResult) -> dict[str, str]:
     ]
     steepest = max(segments, key=lambda p: abs(p["slope_percent"]) - 2 * p["slope_sigma_percent"])
     return {
-        "map": f"{map_address(service, result.features)}&segment={steepest['id']}",
+        "map": f"{service}{map_page(result.features)}&segment={steepest['id']}",
         "drive": f"{service}/drives/{result.drives[0].id}",
         "dashboard": f"{service}/admin",
     }
 
 
-def take_pictures(pages: Mapping[str, str]) -> dict[str, bytes]:
-    """A picture of each, in light colours and English."""
+def take_pictures(login: str, pages: Mapping[str, str]) -> dict[str, bytes]:
+    """A picture of each, in light colours and English, once the browser is logged in."""
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 - of the development tools alone
 
     browser = next((path for name in NAMES if (path := shutil.which(name))), None)
@@ -101,6 +105,10 @@ def take_pictures(pages: Mapping[str, str]) -> dict[str, bytes]:
     with sync_playwright() as driver:
         started = driver.chromium.launch(executable_path=browser, args=list(FLAGS))
         context = started.new_context(viewport=SIZE, locale="en-GB", color_scheme="light")  # type: ignore[arg-type]
+        entrance = context.new_page()
+        entrance.goto(login)
+        entrance.wait_for_url(lambda address: "/login" not in address)
+        entrance.close()
         for name, address in pages.items():
             page = context.new_page()
             page.goto(address)

@@ -31,6 +31,7 @@ class Service:
         ours = {
             "VERSANT_DATABASE_URL": url,
             "VERSANT_DATA_DIR": str(folder),
+            "VERSANT_ACCESS": "open",
             "VERSANT_LOG_LEVEL": "WARNING",
             "PYTHONPATH": str(checkout),
             "OMP_WAIT_POLICY": "PASSIVE",

@@ -125,6 +125,7 @@ def disturbed(folder: Path) -> Iterator[Disturbed]:
     """Start it in ``folder`` and keep it running until the block ends."""
     settings = Settings(
         data_dir=folder / "data",
+        access="open",
         port=0,
         worker_concurrency=WORKERS,
         heartbeat_interval_s=HEARTBEAT_S,

@@ -13,8 +13,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import httpx
 import pytest
 
+from app.cli.client import Client
 from fusion.simulate.demonstration import Demonstration, write_all
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -84,6 +86,20 @@ class Up:
             time.sleep(0.1)
         self.address = found.group(1)
         return self
+
+    @property
+    def key(self) -> str:
+        """The operator's key, which it made in its data folder."""
+        return (self.data_dir / "operator.key").read_text().strip()
+
+    def client(self) -> Client:
+        """Asks it by that key."""
+        return Client(self.address, key=self.key)
+
+    def http(self) -> httpx.Client:
+        """The same for whatever is not asked by our own client."""
+        shown = {"Authorization": f"Bearer {self.key}"}
+        return httpx.Client(base_url=self.address, timeout=30, trust_env=False, headers=shown)
 
     def said(self) -> str:
         """Everything it printed since its last start."""

@@ -9,7 +9,6 @@ import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import httpx
 import pytest
 
 from app.cli.client import Client, ClientError
@@ -60,7 +59,7 @@ BAD: dict[str, tuple[Callable[[Demonstration], bytes], str]] = {
 
 @pytest.fixture(scope="module")
 def client(running: Up) -> Iterator[Client]:
-    with Client(running.address) as client:
+    with running.client() as client:
         yield client
 
 
@@ -113,7 +112,7 @@ def test_unknown_method_is_refused_with_the_known_ones(client: Client, simulated
 
 
 def test_addresses_that_name_nothing(running: Up) -> None:
-    with httpx.Client(base_url=running.address, trust_env=False) as http:
+    with running.http() as http:
         for path in ("/v1/drives/7", "/nowhere", "/v1/segments/x", "/collections/segments/items/0"):
             answer = http.get(path)
             assert answer.status_code == 404

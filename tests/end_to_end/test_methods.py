@@ -7,12 +7,10 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-import httpx
 import pytest
 from typer.testing import CliRunner
 
 from app.cli import app
-from app.cli.client import Client
 from fusion.catalogue import METHODS
 from fusion.registry import DEFAULT_METHOD
 from fusion.simulate.demonstration import Demonstration
@@ -42,7 +40,7 @@ def test_the_service_runs_it(running: Up, simulated: Demonstration, method: str,
     log = tmp_path / f"{method}.csv"
     # Other bytes, so that it is another drive: the same bytes again would answer with the first one.
     log.write_text(simulated.drives[0].read_text() + "\n" * (1 + list(METHODS).index(method)))
-    with Client(running.address) as client:
+    with running.client() as client:
         uploaded = client.upload(log, method=method, options=QUICK.get(method, {}))
         drive = client.wait(uploaded.id, timeout_s=COMMAND_S)
         assert drive.status == "done", drive.document
@@ -54,7 +52,7 @@ def test_the_service_runs_it(running: Up, simulated: Demonstration, method: str,
 def test_the_service_refuses_an_option_that_it_does_not_have(
     running: Up, simulated: Demonstration, method: str
 ) -> None:
-    with httpx.Client(base_url=running.address, timeout=30, trust_env=False) as http:
+    with running.http() as http:
         answer = http.post(
             "/v1/drives",
             params={"method": method, "options": json.dumps({"nonsense": 1})},

@@ -21,7 +21,7 @@ Key = tuple[int, int, int]
 
 @pytest.fixture(scope="module")
 def http(running: Up) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=running.address, timeout=30, trust_env=False) as client:
+    with running.http() as client:
         yield client
 
 
@@ -36,6 +36,8 @@ def uploaded(
         *simulated.drives,
         "--server",
         running.address,
+        "--data-dir",
+        running.data_dir,
         "--wait",
         "--json",
         report,
@@ -73,9 +75,8 @@ def test_every_uploaded_drive_is_done_and_has_segments(uploaded: dict[str, Any])
 def test_same_bytes_are_the_same_drive(
     running: Up, uploaded: dict[str, Any], simulated: Demonstration, tmp_path: Path
 ) -> None:
-    again = versant(
-        "upload", simulated.drives[0], "--server", running.address, "--json", tmp_path / "again.json"
-    )
+    where = ("--server", running.address, "--data-dir", running.data_dir)
+    again = versant("upload", simulated.drives[0], *where, "--json", tmp_path / "again.json")
     assert again.returncode == 0, again.stderr
     figures = json.loads((tmp_path / "again.json").read_text())
     assert figures["uploads"][0]["drive"] == uploaded["uploads"][0]["drive"]

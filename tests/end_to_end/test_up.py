@@ -6,9 +6,9 @@ import os
 import re
 import signal
 
+import httpx
 import pytest
 
-from app.cli.client import Client
 from fusion.simulate.demonstration import Demonstration
 from tests.end_to_end.conftest import PROC, STOP_S, Up, await_true, versant
 
@@ -23,10 +23,16 @@ def test_a_drive_is_taken_up_again_after_ctrl_c_and_nothing_outlives_a_killed_pa
 ) -> None:
     idle.start()
     assert "Only this machine can reach it" in idle.said()
-    assert f"The map: {idle.address}/map\n" in idle.said()
+    link = re.search(rf"The map: {idle.address}/login#link=(\S+)  ", idle.said())
+    assert link is not None
+    for status in (200, 401):  # it logs one browser in, once
+        answer = httpx.post(f"{idle.address}/v1/session", json={"link": link[1]}, trust_env=False)
+        assert answer.status_code == status, answer.text
+    assert httpx.get(f"{idle.address}/v1/drives", trust_env=False).status_code == 401
+    key = idle.key
     for command, file in (("import-roads", simulated.osm), ("import-dem", simulated.dem)):
         assert versant(command, "--data-dir", idle.data_dir, file).returncode == 0
-    with Client(idle.address) as client:
+    with idle.client() as client:
         # Large enough to be still at work when the interrupt comes.
         drive = client.upload(simulated.drives[0], method="particle", options={"particles": 100_000})
         await_true(lambda: client.drive(drive.id).status == "running", 30, "the drive never began")
@@ -35,7 +41,7 @@ def test_a_drive_is_taken_up_again_after_ctrl_c_and_nothing_outlives_a_killed_pa
     assert "Traceback" not in idle.said()
 
     idle.start()
-    with Client(idle.address) as client:
+    with idle.client() as client:
         assert client.wait(drive.id, timeout_s=150).status == "done"
     idle.process.kill()
     idle.process.wait()
@@ -45,6 +51,7 @@ def test_a_drive_is_taken_up_again_after_ctrl_c_and_nothing_outlives_a_killed_pa
         "API or worker outlived their parent",
     )
     idle.start()
+    assert idle.key == key
     assert idle.interrupt() == 0
     assert idle.processes() == []
 
@@ -62,7 +69,7 @@ def test_a_killed_worker_is_replaced_and_a_killed_database_started_again(
     postmaster = int((idle.data_dir / "postgres" / "data" / "postmaster.pid").read_text().split()[0])
     os.kill(postmaster, signal.SIGKILL)
     await_true(lambda: "PostgreSQL ended by itself" in idle.said(), 30, "nobody noticed")
-    with Client(idle.address) as client:
+    with idle.client() as client:
         drive = client.upload(simulated.drives[0], method="raw")
         assert client.wait(drive.id, timeout_s=150).status == "done"
     assert idle.said().count("PostgreSQL ended by itself") == 1
@@ -78,5 +85,5 @@ def test_a_taken_port_is_said_in_one_line(running: Up) -> None:
     assert len(complaint) == 1
     assert "--port" in complaint[0]
     assert "Traceback" not in second.stderr
-    with Client(running.address) as client:
+    with running.client() as client:
         assert client.get("/readyz").is_success

@@ -13,7 +13,7 @@ import typer
 from app.cli.console import Console, write_json
 from app.cli.drives.look import SHOWN_FAILURES, failures_table, listed
 from app.cli.options import GNSS_OPTION, JSON_FILE, flag, opt, parse_assignments
-from app.cli.remote import GNSS_CHOICE, SERVER, service_client
+from app.cli.remote import GNSS_CHOICE, KEY, KEY_DIR, SERVER, service_client
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -54,6 +54,8 @@ def reprocess(
     wait: bool = flag("Wait until each drive is done or failed.", "--wait"),
     cancel: int | None = opt("Take what waits of that batch out of the queue instead.", metavar="BATCH"),
     server: str | None = SERVER,
+    key: str | None = KEY,
+    data_dir: Path | None = KEY_DIR,
     json_file: Path | None = JSON_FILE,
 ) -> None:
     """Let a service process drives again, behind uploads; exit status 1 if any failed that was waited for.
@@ -75,7 +77,7 @@ def reprocess(
     _check_choice(len(selection), bool(narrowed) or dry_run or force, bool(drive) + (cancel is not None))
     positioning = _positioning(gnss, gnss_option or [], named=bool(drive))
     console: Console = ctx.obj
-    with service_client(server) as client, console.progress() as bars:
+    with service_client(server, key, data_dir) as client, console.progress() as bars:
         if drive:
             batch = _each(client, drive, positioning | ({} if method is None else {"method": method}), wait)
         elif cancel is not None:

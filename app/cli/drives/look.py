@@ -12,7 +12,7 @@ import typer
 
 from app.cli.console import Console, figure, write_json
 from app.cli.options import JSON_FILE, arg, opt
-from app.cli.remote import SERVER, service_client
+from app.cli.remote import KEY, KEY_DIR, SERVER, service_client
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -45,6 +45,8 @@ Status = Literal["queued", "running", "done", "failed", "cancelled"]
 def list_drives(
     ctx: typer.Context,
     server: str | None = SERVER,
+    key: str | None = KEY,
+    data_dir: Path | None = KEY_DIR,
     status: Status | None = opt("Only drives of this status."),
     failure: str | None = opt(
         "Only drives that failed so, such as no-match or malformed-log.", metavar="KIND"
@@ -59,7 +61,7 @@ def list_drives(
     """List drives, the newest upload first, with the reason of what failed."""
     console: Console = ctx.obj
     filters = {"status": status, "failure": failure, "created_after": since, "batch": batch}
-    with service_client(server) as client:
+    with service_client(server, key, data_dir) as client:
         drives = listed(client, filters, limit)
     columns = ("id", "status", "file", "km", "segments", "uploaded", "method", "reason")
     console.table(columns, [_row(one) for one in drives])
@@ -72,26 +74,36 @@ def show(
     ctx: typer.Context,
     drive: str = arg("A drive, as `list` names it.", metavar="ID"),
     server: str | None = SERVER,
+    key: str | None = KEY,
+    data_dir: Path | None = KEY_DIR,
     json_file: Path | None = JSON_FILE,
 ) -> None:
     """Show what is known of a drive: its file, its times, its result, its warnings; all of its report with --json."""
-    with service_client(server) as client:
+    with service_client(server, key, data_dir) as client:
         document = client.drive(drive).document
     typer.echo("\n".join(drive_lines(document)))
     write_json(json_file, document)
 
 
-def delete(ctx: typer.Context, ids: list[str] = DRIVE_IDS, server: str | None = SERVER) -> None:
+def delete(
+    ctx: typer.Context,
+    ids: list[str] = DRIVE_IDS,
+    server: str | None = SERVER,
+    key: str | None = KEY,
+    data_dir: Path | None = KEY_DIR,
+) -> None:
     """Delete drives: their logs, and their influence on every segment; exit status 1 if any cannot be deleted."""
-    from app.cli.client import ClientError
+    from app.cli.client import ClientError, RefusedKeyError
 
     console: Console = ctx.obj
     failed = False
-    with service_client(server) as client:
+    with service_client(server, key, data_dir) as client:
         client.get("/healthz")  # a service that is not there is said once, not per drive
         for one in ids:
             try:
                 client.request("DELETE", f"/v1/drives/{one}")
+            except RefusedKeyError:
+                raise  # said once, not per drive
             except ClientError as error:
                 failed = True
                 console.complain(str(error))

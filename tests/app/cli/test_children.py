@@ -13,12 +13,14 @@ from typing import Any
 
 import pytest
 import yaml
+from pydantic import SecretStr
 
 from app.cli import children
 from app.cli.children import (
     STOP_MARGIN_S,
     Child,
     Children,
+    child_environment,
     lane_count,
     sensible_lanes,
     stop_signals,
@@ -35,6 +37,14 @@ PATIENCE_S = 60.0
 def compose_worker() -> dict[str, Any]:
     found: dict[str, Any] = yaml.safe_load((REPOSITORY / "docker-compose.yml").read_text())
     return dict(found["services"]["worker"])
+
+
+def test_a_child_reads_the_settings_of_its_parent_but_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    secret = SecretStr("of the proxy")
+    settings = Settings(proxy_secret=secret, trusted_proxies="10.0.0.1", access="keys", key=SecretStr("mine"))
+    for name, value in child_environment(settings).items():
+        monkeypatch.setenv(name, value)
+    assert Settings() == settings.model_copy(update={"key": None})
 
 
 def test_whoever_stops_a_worker_waits_for_longer_than_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -150,7 +150,9 @@ def test_upload_command_wants_an_address(server: str) -> None:
 
 
 def test_upload_command_names_a_missing_file_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("app.cli.client.Client", lambda server: client(lambda request: drive("queued")))
+    monkeypatch.setattr(
+        "app.cli.client.Client", lambda server, **key: client(lambda request: drive("queued"))
+    )
     missing = tmp_path / "none.csv"
     result = CliRunner().invoke(app, ["upload", str(missing), "--server", SERVER])
     assert result.exit_code == 1
@@ -172,7 +174,7 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> Sent:
             uploads.append(([name.decode() for name in names], dict(request.url.params)))
         return drive("queued")
 
-    monkeypatch.setattr("app.cli.client.Client", lambda server: client(answer))
+    monkeypatch.setattr("app.cli.client.Client", lambda server, **key: client(answer))
     return uploads
 
 

@@ -36,7 +36,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
     monkeypatch.setattr("app.cli.client.time.sleep", lambda seconds: None)
 
     def invoke(answer: Answer, *arguments: str) -> Result:
-        made = lambda server: Client(SERVER, transport=httpx.MockTransport(answer))  # noqa: E731
+        made = lambda *where: Client(SERVER, transport=httpx.MockTransport(answer))  # noqa: E731
         for part in ("look", "again"):
             monkeypatch.setattr(f"app.cli.drives.{part}.service_client", made)
         return CliRunner().invoke(app, ["drives", *arguments])

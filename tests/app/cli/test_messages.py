@@ -58,7 +58,7 @@ def upload(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Upload:
             request.read()
             return httpx.Response(200, json=document)
 
-        made = lambda server: Client(SERVER, transport=httpx.MockTransport(answer))  # noqa: E731
+        made = lambda *where: Client(SERVER, transport=httpx.MockTransport(answer))  # noqa: E731
         monkeypatch.setattr("app.cli.remote.service_client", made)
         return CliRunner().invoke(app, ["upload", str(log), *arguments])
 

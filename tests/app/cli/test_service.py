@@ -30,6 +30,7 @@ def api(database_url: str, folder: Path, limit: str) -> Iterator[Any]:
     ours = {
         "VERSANT_DATABASE_URL": database_url,
         "VERSANT_DATA_DIR": str(folder),
+        "VERSANT_ACCESS": "open",
         "VERSANT_LOG_LEVEL": "ERROR",
     }
     command = f'ulimit {limit}; exec "{sys.executable}" -m app.cli api --port {port}'
