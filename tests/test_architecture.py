@@ -32,6 +32,7 @@ TOP_LEVEL = {
 SQL_PLACES = {
     Path("app") / place
     for place in (
+        "access/quotas.py",
         "access/store.py",
         "changes/store.py",
         "changes/webhooks/store.py",

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AwareDatetime, BaseModel, Field, StringConstraints
 
 from app.access import store
+from app.access.quotas import Standing
+from app.core.settings.access import QUOTA_MOST
 
 Name = Annotated[
     str,
@@ -17,7 +19,22 @@ Name = Annotated[
 KeyScope = Literal["upload", "own", "operate"]
 
 _OWNER_EXAMPLE: dict[str, Any] = {"id": 2, "name": "bus fleet"}
-_OWNER_DOCUMENT = {**_OWNER_EXAMPLE, "created_at": "2026-11-27T08:00:00Z", "keys": 12, "drives": 340}
+_OWNER_DOCUMENT = {
+    **_OWNER_EXAMPLE,
+    "created_at": "2026-11-27T08:00:00Z",
+    "keys": 12,
+    "drives": 340,
+    "bytes": 912_004_311,
+}
+_TODAY_EXAMPLE: dict[str, Any] = {
+    "day": "2026-11-27",
+    "drives": 14,
+    "bytes": 30_120_554,
+    "quota_drives": 100,
+    "quota_bytes": None,
+    "until": "2026-11-28T00:00:00Z",
+}
+_FIGURES_EXAMPLE = {**_OWNER_DOCUMENT, "quota_drives": 100, "quota_bytes": None, "today": _TODAY_EXAMPLE}
 _KEY_EXAMPLE: dict[str, Any] = {
     "id": "5b6a3f0e-2f0c-4b8e-9a51-0c1d2e3f4a5b",
     "label": "bus 7",
@@ -55,11 +72,57 @@ class Owner(OwnerName, json_schema_extra={"examples": [_OWNER_DOCUMENT]}):
     created_at: datetime = Field(description="When it was made.")
     keys: int = Field(description="Its keys that are not revoked.")
     drives: int = Field(description="Its drives.")
+    bytes: int = Field(description="What their logs take, as stored.")
 
     @classmethod
     def of(cls, owner: store.Owner) -> Self:
         """The document of an owner."""
         return cls(**vars(owner))
+
+
+class Today(BaseModel, json_schema_extra={"examples": [_TODAY_EXAMPLE]}):
+    """What an owner uploaded today, and what it may."""
+
+    day: date = Field(description="Today, UTC.")
+    drives: int = Field(description="Drives uploaded today; those removed since count as well.")
+    bytes: int = Field(description="Bytes of these drives, as stored.")
+    quota_drives: int | None = Field(description="Drives that may be uploaded in a day; null: any number.")
+    quota_bytes: int | None = Field(description="Bytes that may be uploaded in a day; null: any number.")
+    until: datetime = Field(description="When the count begins anew.")
+
+
+_OwnQuota = Annotated[
+    Annotated[int, Field(strict=True, ge=0, le=QUOTA_MOST)] | None,
+    Field(description="Of this owner alone, a day; null: that of all."),
+]
+
+
+class OwnerFigures(Owner, json_schema_extra={"examples": [_FIGURES_EXAMPLE]}):
+    """An owner, what it has, and what it may upload."""
+
+    quota_drives: _OwnQuota
+    quota_bytes: _OwnQuota
+    today: Today
+
+    @classmethod
+    def standing(cls, owner: store.Owner, now: Standing) -> Self:
+        """The document of an owner as it stands now."""
+        today = Today(
+            day=now.day,
+            drives=now.drives.used,
+            bytes=now.bytes.used,
+            quota_drives=now.drives.most,
+            quota_bytes=now.bytes.most,
+            until=now.until,
+        )
+        return cls(**vars(owner), quota_drives=now.own.drives, quota_bytes=now.own.bytes, today=today)
+
+
+class OwnerChange(BaseModel, extra="forbid", json_schema_extra={"examples": [{"quota_drives": 100}]}):
+    """What is to be another way; what is not named stays."""
+
+    quota_drives: _OwnQuota = None
+    quota_bytes: _OwnQuota = None
 
 
 class Owners(BaseModel, json_schema_extra={"examples": [{"owners": [_OWNER_DOCUMENT]}]}):

@@ -6,7 +6,7 @@ import uuid
 from datetime import UTC, datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Body, Path, Query, Request, Response
 from sqlalchemy.orm import Session
 
 from app.access import store
@@ -17,16 +17,24 @@ from app.access.documents import (
     NewKey,
     NewOwner,
     Owner,
+    OwnerChange,
+    OwnerFigures,
     Owners,
 )
 from app.access.gate import callers_of
+from app.access.quotas import OwnQuotas, set_quotas, standing, utc_now
 from app.core.caller import present_caller
-from app.core.errors import BadRequestError, ForbiddenError
-from app.core.http import UNREADABLE_BODY, ServiceDep, existing, problems
+from app.core.errors import BadRequestError, ForbiddenError, TooManyError
+from app.core.http import UNREADABLE_BODY, Service, ServiceDep, existing, problems
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 
 router = APIRouter(prefix="/v1", tags=["access"])
+
+MOST_KEYS = 10_000
+"""Of one owner, those included that are revoked: they stay, for the audit names them."""
+MAX_ID = 2**63 - 1
+OwnerId = Annotated[int, Path(ge=1, le=MAX_ID, description="The owner's number.", examples=[2])]
 
 
 @router.get("/keys", summary="The keys", response_model=Keys, responses=problems(401, 403, 404))
@@ -45,7 +53,7 @@ def list_keys(
     status_code=201,
     summary="Make a key",
     response_model=MadeKey,
-    responses={**UNREADABLE_BODY, **problems(401, 403, 404, 422)},
+    responses={**UNREADABLE_BODY, **problems(401, 403, 404, 409, 422)},
 )
 def make_key(request: NewKey, response: Response, service: ServiceDep, origin: Origin) -> MadeKey:
     """Make a key. Its secret is in the answer and is never told again."""
@@ -60,6 +68,10 @@ def make_key(request: NewKey, response: Response, service: ServiceDep, origin: O
         if request.owner is not None:
             owner_id = existing(store.owner_named(session, request.owner), "owner", request.owner).id
         assert owner_id is not None  # noqa: S101 - whoever may do this has an owner
+        if len(store.list_keys(session, owner_id)) >= MOST_KEYS:
+            raise TooManyError(
+                f"This owner has had {MOST_KEYS} keys, as many as one may. Rotate one of them."
+            )
         key, secret = store.create_key(session, owner_id, request.label, request.scope, request.expires_at)
         audit.note(session, origin, "key made", f"key {key.id}", scope=key.scope, owner=key.owner)
     return MadeKey(key=Key.of(key), secret=secret)
@@ -123,3 +135,52 @@ def make_owner(request: NewOwner, service: ServiceDep, origin: Origin) -> Owner:
         owner = store.create_owner(session, request.name)
         audit.note(session, origin, "owner made", f"owner {owner.id}")
     return Owner.of(owner)
+
+
+@router.get("/owner", summary="The caller's owner", response_model=OwnerFigures, responses=problems(401, 403))
+def own_figures(service: ServiceDep) -> OwnerFigures:
+    """What the caller's owner has, what it uploaded today, and what it may."""
+    owner_id = present_caller().owner_id
+    assert owner_id is not None  # noqa: S101 - whoever may do this has an owner
+    with service.reading() as session:
+        return _figures(session, service, owner_id)
+
+
+@router.get(
+    "/owners/{owner_id}",
+    summary="One owner",
+    response_model=OwnerFigures,
+    responses=problems(401, 403, 404),
+)
+def get_owner(owner_id: OwnerId, service: ServiceDep) -> OwnerFigures:
+    """What the owner has, what it uploaded today, and what it may."""
+    with service.reading() as session:
+        return _figures(session, service, owner_id)
+
+
+@router.patch(
+    "/owners/{owner_id}",
+    summary="Change an owner's quotas",
+    response_model=OwnerFigures,
+    responses={**UNREADABLE_BODY, **problems(401, 403, 404, 422)},
+)
+def change_owner(
+    owner_id: OwnerId,
+    service: ServiceDep,
+    origin: Origin,
+    body: Annotated[OwnerChange | None, Body()] = None,
+) -> OwnerFigures:
+    """Give an owner quotas of its own, or with null those of all again; from the next upload on."""
+    wish = (body or OwnerChange()).model_dump(exclude_unset=True)
+    changes = {name.removeprefix("quota_"): most for name, most in wish.items()}
+    with service.sessions.begin() as session:
+        before = _figures(session, service, owner_id)
+        own = OwnQuotas(before.quota_drives, before.quota_bytes)._replace(**changes)
+        set_quotas(session, owner_id, own)
+        audit.note(session, origin, "quotas changed", f"owner {owner_id}", **own._asdict())
+        return _figures(session, service, owner_id)
+
+
+def _figures(session: Session, service: Service, owner_id: int) -> OwnerFigures:
+    owner: store.Owner = existing(store.get_owner(session, owner_id), "owner", owner_id)
+    return OwnerFigures.standing(owner, standing(session, service.settings, owner_id, utc_now()))

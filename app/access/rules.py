@@ -133,6 +133,7 @@ _TABLE = {
         POST /v1/keys
         DELETE /v1/keys/{key_id}
         POST /v1/keys/{key_id}/rotate
+        GET /v1/owner
         GET /v1/segments/{segment_id}/observations
         GET /v1/webhooks
         POST /v1/webhooks
@@ -153,6 +154,8 @@ _TABLE = {
         POST /v1/operations/{operation_id}/approve
         GET /v1/owners
         POST /v1/owners
+        GET /v1/owners/{owner_id}
+        PATCH /v1/owners/{owner_id}
         GET /v1/rasters
     """,
 }

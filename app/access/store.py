@@ -58,9 +58,10 @@ _DROP_LINKS = text("DELETE FROM login_links WHERE key_id = :id")
 _OWNERS = """
     SELECT o.id, o.name, o.created_at,
            (SELECT count(*) FROM keys AS k WHERE k.owner_id = o.id AND k.revoked_at IS NULL) AS keys,
-           (SELECT coalesce(sum(c.drives), 0)::bigint FROM drive_counts AS c
-            WHERE c.owner_id = o.id AND c.status <> 'cancelled') AS drives
-    FROM owners AS o
+           of_drives.drives, of_drives.bytes
+    FROM owners AS o, LATERAL (
+        SELECT coalesce(sum(c.drives), 0)::bigint AS drives, coalesce(sum(c.size_bytes), 0)::bigint AS bytes
+        FROM drive_counts AS c WHERE c.owner_id = o.id AND c.status <> 'cancelled') AS of_drives
 """
 _CREATE_OWNER = text("INSERT INTO owners (name) VALUES (:name) ON CONFLICT (name) DO NOTHING RETURNING id")
 _KEEP_SESSION = text("""
@@ -90,6 +91,8 @@ class Owner:
     keys: int
     """Those that are not revoked."""
     drives: int
+    bytes: int
+    """Of these drives."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +139,12 @@ def ensure_owner(session: Session, name: str) -> Owner:
 def owner_named(session: Session, name: str) -> Owner | None:
     """The owner of that name, or None."""
     row = session.execute(text(_OWNERS + " WHERE o.name = :name"), {"name": name}).first()
+    return None if row is None else Owner(*row)
+
+
+def get_owner(session: Session, owner_id: int) -> Owner | None:
+    """The owner, or None."""
+    row = session.execute(text(_OWNERS + " WHERE o.id = :id"), {"id": owner_id}).first()
     return None if row is None else Owner(*row)
 
 

@@ -15,7 +15,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from sqlalchemy import Connection, Engine, event
+from sqlalchemy import Connection, Engine, event, text
+from sqlalchemy.orm import Session
 
 Scope = Literal["nobody", "upload", "own", "operate"]
 
@@ -39,6 +40,8 @@ STILL_KNOWN = "versant.still_known"
 _BECOME = """
     SELECT set_config('role', %s, true), set_config('versant.owner', %s, true), set_config('versant.key', %s, true)
 """
+_ROLE = text("SELECT current_setting('role')")
+_TAKE = text("SELECT set_config('role', :role, true)")
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,31 @@ def as_caller(caller: Caller) -> Iterator[None]:
         yield
     finally:
         _present.reset(token)
+
+
+@contextmanager
+def seeing_all(session: Session) -> Iterator[None]:
+    """In the session's transaction, see what every owner has: a limit of the service is one of all of them together.
+
+    Whose rows they are is not to be told. Where the block raises, the transaction is rolled back.
+    """
+    role = session.execute(_ROLE).scalar_one()
+    session.execute(_TAKE, {"role": ROLES["operate"]})
+    try:
+        yield
+    except BaseException:
+        session.rollback()
+        raise
+    session.execute(_TAKE, {"role": role})
+
+
+def has_share(mine: int, held: int, most: int) -> bool:
+    """Whether the caller, who has ``mine`` of the ``held``, may have one more of what the service has ``most`` of.
+
+    An owner has no more than are left, as clients do (``app.core.receiving.clients.Shares``): one alone half of all,
+    two a third each. Operators may have all.
+    """
+    return present_caller().scope not in {"upload", "own"} or mine < most - held
 
 
 def guard(engine: Engine) -> Engine:

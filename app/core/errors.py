@@ -15,6 +15,7 @@ ServiceError            a request cannot be answered as asked
 ├── ForbiddenError           the key is not for that
 ├── ConflictError            there is one of that name already
 ├── TooOftenError            somebody tries again and again
+├── QuotaError               an owner has uploaded as much as it may in a day
 ├── CrossOriginWriteError    a page of another site asks for a change
 ├── StorageFullError         there is no room for what was sent
 ├── UnknownHostError         the request came under a name that is not the service's
@@ -159,6 +160,18 @@ class TooOftenError(ServiceError):
         """``retry_after_s``: by then it may be tried again."""
         super().__init__(message)
         self.headers = {"Retry-After": str(retry_after_s)}
+
+
+class QuotaError(ServiceError):
+    """As much was uploaded today as may be in a day; wait as long as Retry-After says, or ask whoever runs the service
+    for more."""
+
+    answer = (429, "quota", "Quota used up")
+
+    def __init__(self, message: str, *, quota: str, headers: Mapping[str, str]) -> None:
+        """``quota`` is the one that is used up."""
+        super().__init__(message)
+        self.quota, self.headers = quota, headers
 
 
 class CrossOriginWriteError(ServiceError):

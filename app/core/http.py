@@ -229,6 +229,31 @@ _PROBLEMS: dict[int, dict[str, Any]] = {
     )
 }
 
+_ON_QUOTAS = {
+    "RateLimit-Policy": '"drives";q=100;w=86400',
+    "RateLimit": '"drives";r=0;t=11520',
+}
+QUOTA_HEADERS: dict[str, Any] = {
+    name: {
+        "description": "Quotas of a day, where there are any (draft-ietf-httpapi-ratelimit-headers).",
+        "schema": {"type": "string"},
+        "example": example,
+    }
+    for name, example in _ON_QUOTAS.items()
+}
+"""The description of what an upload is told of quotas."""
+QUOTA_USED_UP: dict[int | str, dict[str, Any]] = {
+    429: {
+        **_described(
+            errors.KINDS[errors.QuotaError],
+            "You may upload 100 drives a day: 100 were uploaded today, this is 1 more. The count begins anew at "
+            "2026-11-28 00:00 UTC. Send it again then.",
+        ),
+        "headers": QUOTA_HEADERS
+        | {"Retry-After": {"description": "Seconds until then.", "schema": {"type": "integer"}}},
+    }
+}
+"""The description of the 429 of an upload."""
 UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {
     400: _described(errors.STATUS_KINDS[400], "The body cannot be read. Send JSON in UTF-8.")
 }

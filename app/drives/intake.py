@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
@@ -16,6 +16,7 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
 from app.core.blobs import BlobStore, StoredBlob
+from app.core.caller import as_caller, present_caller
 from app.core.databases import database_identity
 from app.core.db import Sessions
 from app.core.telemetry import audit
@@ -31,6 +32,8 @@ SHOWN_ORPHANS = 20
 LOST_COMMIT_WAIT_S = 5.0
 """Wait for a commit that was not answered: the database may still hold the broken connection."""
 
+Count = Callable[[Session, int], None]
+
 logger = logging.getLogger(__name__)
 
 
@@ -42,20 +45,24 @@ def register_upload(
     filename: str,
     method: str,
     options: Mapping[str, Any] | None = None,
+    count: Count | None = None,
 ) -> tuple[Drive, bool]:
     """Make a stored blob a queued drive; row and job in one transaction. The flag says whether the drive is new.
+    ``count`` is told of a new one's size within that transaction, and may refuse it by an error.
 
     Known content gives the drive that has it, which keeps its own blob unless that is lost. The new blob becomes the
     drive's or is deleted. It stays where nobody can tell whether it became a drive's, as when this process dies:
     ``sweep_blobs`` later removes blobs without a drive.
     """
-    request = {"filename": filename, "method": method, "options": options or {}}
+    caller = present_caller()
+    request = _Request({"filename": filename, "method": method, "options": options or {}}, count)
     try:
         check_options(method, options or {})
-        try:
-            drive, created = _add(sessions, blobs, blob, request)
-        except _CommitLostError as lost:
-            drive, created = _add_again(sessions, blobs, blob, request, lost)
+        with as_caller(caller.as_owner):  # a key that may only upload sees but a part of what its owner has
+            try:
+                drive, created = _add(sessions, blobs, blob, request)
+            except _CommitLostError as lost:
+                drive, created = _add_again(sessions, blobs, blob, request, lost)
     except _CommitLostError as lost:
         raise (lost.__cause__ or lost) from None
     except Exception:
@@ -68,6 +75,14 @@ def register_upload(
         tell(logger, event, bytes=drive.size_bytes, method=drive.method, state=drive.status)
         tell(logger, "drive's file", level=logging.DEBUG, filename=filename)
     return drive, created
+
+
+@dataclass(frozen=True)
+class _Request:
+    """What a new drive is, but for its file, and who counts it."""
+
+    columns: Mapping[str, Any]
+    count: Count | None
 
 
 class _CommitLostError(Exception):
@@ -83,7 +98,7 @@ def _add(
     sessions: Sessions,
     blobs: BlobStore,
     blob: StoredBlob,
-    request: Mapping[str, Any],
+    request: _Request,
     wait_s: float | None = None,
 ) -> tuple[Drive, bool]:
     """Add the drive or find that of the same content; ``_CommitLostError`` when the commit was not answered."""
@@ -106,7 +121,7 @@ def _add_again(
     sessions: Sessions,
     blobs: BlobStore,
     blob: StoredBlob,
-    request: Mapping[str, Any],
+    request: _Request,
     lost: _CommitLostError,
 ) -> tuple[Drive, bool]:
     """``_add`` over another connection: it waits for a commit that is under way and finds what that left."""
@@ -119,7 +134,7 @@ def _add_again(
 
 
 def _create_or_heal(
-    session: Session, blobs: BlobStore, blob: StoredBlob, request: Mapping[str, Any]
+    session: Session, blobs: BlobStore, blob: StoredBlob, request: _Request
 ) -> tuple[Drive, bool]:
     """A new drive and its job, or the drive of the same content; one whose blob is lost gets this one.
 
@@ -127,9 +142,13 @@ def _create_or_heal(
     """
     stored: dict[str, Any] = {"sha256": blob.sha256, "size_bytes": blob.size_bytes, "blob_key": blob.key}
     while True:
-        drive, created = drives.create_drive(session, **stored, content_sha256=blob.content_sha256, **request)
+        drive, created = drives.create_drive(
+            session, **stored, content_sha256=blob.content_sha256, **request.columns
+        )
         if created:
             queue.enqueue(session, drive.id, drive.generation)
+            if request.count is not None:  # last: others of the same owner wait from here to the commit
+                request.count(session, blob.size_bytes)
             return drive, True
         if blobs.exists(drive.blob_key):
             return drive, False

@@ -5,15 +5,19 @@ Nothing is held on disk but the blob. Knows neither formats of bodies nor SQL.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
+from app.access.quotas import Quotas
 from app.core.blobs import BlobStore, StoredBlob
-from app.core.http import BaseUrl, ServiceDep, problems
-from app.core.receiving.files import receive_files
+from app.core.errors import QuotaError
+from app.core.http import QUOTA_HEADERS, QUOTA_USED_UP, BaseUrl, ServiceDep, problems
+from app.core.receiving.files import least_bytes, receive_files
 from app.core.settings import Settings
 from app.drives import intake
 from app.drives.documents import DriveAccepted, accepted, drive_address
@@ -84,10 +88,11 @@ class UploadRequest(MethodRequest):
         200: {
             "model": DriveAccepted,
             "description": "Known content: its drive.",
-            "headers": _LOCATION,
+            "headers": _LOCATION | QUOTA_HEADERS,
         },
-        202: {"description": "Stored and queued.", "headers": _LOCATION},
+        202: {"description": "Stored and queued.", "headers": _LOCATION | QUOTA_HEADERS},
         **problems(403, 413, 415, 422, 503, 507),
+        **QUOTA_USED_UP,
     },
     openapi_extra={"requestBody": _BODY},
 )
@@ -103,7 +108,9 @@ async def upload_drive(
     Several files are one drive, and are kept as one zip. The same content again, in whatever gzip, zip or order,
     answers 200 with the drive that it already is, unchanged, whatever the method: use `reprocess` to compute it anew.
     Where the service had lost that drive's file, this one takes its place. What is no log is refused, as far as its
-    first bytes tell: 415 if they are of no known kind, 422 if a header lacks what a log must have.
+    first bytes tell: 415 if they are of no known kind, 422 if a header lacks what a log must have. Where as much was
+    uploaded today as may be in a day, 429 says when to come again, before the body is read where its length is said. A
+    log that is refused, or that is a drive already, counts nothing; a drive that fails or is removed later counts.
     """
     settings = service.settings
     estimator = query.method or default_method(settings)
@@ -112,19 +119,32 @@ async def upload_drive(
     wanted_options |= asked_columns(query.columns)
     check_options(estimator, wanted_options)
     look = FirstLook(wanted_options.get("columns"))
-    blob, name = await receive_upload(request, service.blobs, settings, look)
-    drive, created = await run_in_threadpool(
-        intake.register_upload,
-        service.sessions,
-        service.blobs,
-        blob,
-        filename=name,
-        method=estimator,
-        options=wanted_options,
-    )
+    with _counting_refusals(request):
+        quotas = Quotas(settings)
+        await run_in_threadpool(quotas.look, service.sessions, least_bytes(request))
+        blob, name = await receive_upload(request, service.blobs, settings, look)
+        drive, created = await run_in_threadpool(
+            intake.register_upload,
+            service.sessions,
+            service.blobs,
+            blob,
+            filename=name,
+            method=estimator,
+            options=wanted_options,
+            count=quotas.count,
+        )
     response.status_code = 202 if created else 200
-    response.headers["Location"] = drive_address(base, drive)
+    response.headers.update({"Location": drive_address(base, drive), **quotas.headers})
     return accepted(base, drive)
+
+
+@contextmanager
+def _counting_refusals(request: Request) -> Iterator[None]:
+    try:
+        yield
+    except QuotaError as error:
+        request.app.state.metrics.refused(error.quota)
+        raise
 
 
 async def receive_upload(

@@ -24,6 +24,7 @@ BUCKETS_S = (0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.
 LABELS = {
     "versant_http_requests_total": ("method", "route", "status"),
     "versant_http_request_duration_seconds": ("method", "route"),
+    "versant_uploads_refused_total": ("quota",),
     "versant_drives": ("status",),
     "versant_failures": ("kind",),
 }
@@ -99,12 +100,19 @@ class Metrics(Collector):
         """``read_gauges`` is called at each scrape and returns None while the database does not answer."""
         self.registry = CollectorRegistry()
         requests, seconds = "versant_http_requests_total", "versant_http_request_duration_seconds"
+        refused = "versant_uploads_refused_total"
         self._requests = Counter(requests, "Requests answered.", LABELS[requests], registry=self.registry)
         self._seconds = Histogram(
             seconds,
             "Time from a request to the last byte of its answer.",
             LABELS[seconds],
             buckets=BUCKETS_S,
+            registry=self.registry,
+        )
+        self._refused = Counter(
+            refused,
+            "Uploads refused because a quota of their owner was used up.",
+            LABELS[refused],
             registry=self.registry,
         )
         self._read_gauges = read_gauges
@@ -115,6 +123,10 @@ class Metrics(Collector):
         verb = method if method in METHODS else "other"  # anyone can invent methods, and each is a series
         self._requests.labels(verb, route, str(status)).inc()
         self._seconds.labels(verb, route).observe(seconds)
+
+    def refused(self, quota: str) -> None:
+        """Count an upload that was refused by that quota; whose it was is nobody's to read."""
+        self._refused.labels(quota).inc()
 
     def collect(self) -> Iterator[families.Metric]:
         """The figures of this moment; only ``versant_database_up 0`` while there is no database."""

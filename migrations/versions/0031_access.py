@@ -115,7 +115,9 @@ def _make_tables() -> None:
     op.create_table(
         "sessions",
         sa.Column("secret_sha256", sa.LargeBinary(), primary_key=True),
-        sa.Column("owner_id", sa.BigInteger(), sa.ForeignKey("owners.id", ondelete="CASCADE"), nullable=False),
+        sa.Column(
+            "owner_id", sa.BigInteger(), sa.ForeignKey("owners.id", ondelete="CASCADE"), nullable=False
+        ),
         sa.Column("scope", sa.String(), nullable=False),
         sa.Column("key_id", sa.Uuid(), sa.ForeignKey("keys.id", ondelete="CASCADE")),
         sa.Column("created_at", sa.DateTime(timezone=True), server_default=now, nullable=False),

@@ -12,6 +12,7 @@ from app.changes.store import horizon, version_text
 from app.changes.webhooks import store
 from app.changes.webhooks.sending import RefusedError, check_url, new_secret
 from app.changes.webhooks.store import EVENTS, SEGMENTS_CHANGED, TEST, WebhookRow
+from app.core.caller import has_share
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, Link, Service, ServiceDep, existing, link, problems
 from app.core.query import refuse_unknown
@@ -196,9 +197,14 @@ def add(
     _check(service, wish.url)
     secret = new_secret()
     with service.sessions.begin() as session:
-        if store.count_webhooks(session) >= MOST:
+        held, mine = store.count_webhooks(session), len(store.list_webhooks(session))
+        if held >= MOST:
             raise BadRequestError(
                 f"There are {MOST} webhooks already. Remove one that is not needed any more."
+            )
+        if not has_share(mine, held, MOST):
+            raise BadRequestError(
+                f"You have {mine} webhooks already. Remove one that is not needed any more."
             )
         version = version_text(session, horizon(session)) if SEGMENTS_CHANGED in wish.events else None
         row = store.add_webhook(session, wish.url, secret, wish.events, wish.bbox, version)

@@ -65,6 +65,13 @@ def announced_bytes(request: Request) -> int:
     return int(announced) if announced.isdigit() else 0
 
 
+def least_bytes(request: Request) -> int:
+    """Bytes that the files in the body have at least, by its header: without a form's own; 0 where it is not said."""
+    return max(
+        0, announced_bytes(request) - upload_source(request.headers, request.query_params).envelope_bytes
+    )
+
+
 async def _copy(
     request: Request, source: UploadSource, keeper: Keeper[object], most_bytes: int, too_large: str
 ) -> None:

@@ -11,6 +11,8 @@ from pydantic import AfterValidator, Field, SecretStr
 from app.core.settings.places import Places
 
 PublicMap = Literal["live", "off"]
+QUOTA_MOST = 10**15 - 1
+"""The largest integer that a structured header field can tell (RFC 9651)."""
 
 
 def http_url(url: str) -> str:
@@ -53,6 +55,11 @@ class Access(Places):
     drive arrives gives the drive away. Unset: live where only this machine reaches the service, else off."""
     key: SecretStr | None = None
     """The key that `versant upload` and other clients send; unset: that of the data folder, to this machine alone."""
+    quota_drives: int | None = Field(None, ge=0, le=QUOTA_MOST)
+    """Drives that an owner may upload in a day (UTC); one more is answered by 429. Unset: any number. An owner can have
+    a quota of its own; operators have no other."""
+    quota_bytes: int | None = Field(None, ge=0, le=QUOTA_MOST)
+    """Bytes of logs, as stored, that an owner may upload in a day, as QUOTA_DRIVES says it of drives."""
     oidc_issuer: HttpUrlText | None = None
     """Address of a provider of logins (OpenID Connect), such as https://login.example/realms/roads; unset: none. It
     needs OIDC_CLIENT_ID and OIDC_CLIENT_SECRET, and PUBLIC_URL/v1/session/oidc/done as an allowed redirect."""

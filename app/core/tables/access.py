@@ -22,6 +22,20 @@ class OwnerRow(Numbered, Base):
 
     name: Mapped[str] = mapped_column(unique=True)
     created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+    quota_drives: Mapped[int | None] = mapped_column(sa.BigInteger)
+    """Drives that it may upload in a day; NULL: as many as others. ``quota_bytes`` likewise."""
+    quota_bytes: Mapped[int | None] = mapped_column(sa.BigInteger)
+
+
+class OwnerUse(Base):
+    """What an owner uploaded on a day (UTC); a drive that is removed counts as well (``app.access.quotas``)."""
+
+    __tablename__ = "owner_use"
+
+    owner_id: Mapped[int] = mapped_column(goes_with("owners"), primary_key=True, autoincrement=False)
+    day: Mapped[date] = mapped_column(primary_key=True)
+    drives: Mapped[int] = mapped_column(sa.BigInteger)
+    bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
 
 class KeyRow(Base):

@@ -15,6 +15,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy import Select, Table, func, insert, select, text, tuple_, update
 from sqlalchemy.orm import Session
 
+from app.core.caller import has_share, seeing_all
 from app.core.db import plain_json
 from app.core.errors import BusyError
 from app.core.tables.requests import RequestColumns
@@ -110,10 +111,17 @@ class RequestStore(Generic[R]):
         session.execute(_ONE_BY_ONE, {"lock": self.plural})
 
     def require_place(self, session: Session, most: int) -> None:
-        """``BusyError`` where so many wait that no other may."""
+        """``BusyError`` where so many wait, whoever asked for them, that no other may, or no other of this owner."""
         waiting = select(func.count()).select_from(self._table).where(self._table.c.status == "queued")
-        if (count := session.execute(waiting).scalar_one()) >= most:
+        mine = session.execute(waiting).scalar_one()
+        with seeing_all(session):
+            count = session.execute(waiting).scalar_one()
+        if count >= most:
             raise BusyError(f"{count} {self.plural} wait already. Try again when some of them are done.")
+        if not has_share(mine, count, most):
+            raise BusyError(
+                f"{mine} {self.plural} of yours wait already. Try again when some of them are done."
+            )
 
     def get(self, session: Session, number: uuid.UUID, **equal: Any) -> R | None:
         """The request, all of which columns are equal to these; None where there is none."""
