@@ -257,8 +257,8 @@ class PublishedCors:
 class SameOriginWrites:
     """Refuses changes that a page of another site asks a visitor's browser for.
 
-    There is no access control yet. Only the origin that browsers state keeps a web page from uploading to a service on
-    the visitor's own machine. Programs that are no browsers send none.
+    The origin that browsers state keeps a page of another site from using a visitor's session, and from uploading to a
+    service on the visitor's own machine that asks for no keys. Programs that are no browsers send none.
     """
 
     def __init__(self, app: ASGIApp, public_url: str | None) -> None:

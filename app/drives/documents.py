@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, Field
 
+from app.core.caller import present_caller
 from app.core.db import Bounds
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
@@ -109,7 +110,7 @@ class Drive(
     drive_time: Moment | None = Field(description="When the recording begins.")
     duplicate_of: uuid.UUID | None = Field(
         description="The drive that this one duplicates: it was at the same places at the same times and holds more "
-        "measurements, so it alone counts. Usually null."
+        "measurements, so it alone counts. Usually null; another owner's drive is not told."
     )
     same_as: uuid.UUID | None = Field(
         description="Former name of `duplicate_of`.", json_schema_extra={"deprecated": True}
@@ -132,6 +133,8 @@ class Drive(
     # The service's own, in no document.
     blob_key: str = Field(exclude=True)
     generation: int = Field(exclude=True)
+    duplicate_is_anothers: bool | None = Field(exclude=True)
+    """Whether ``duplicate_of`` is another owner's; None: there is none, or it is not to be seen."""
     traceparent: str | None = Field(None, exclude=True)
     list_key: Any = Field(None, exclude=True)  # what a list has it ordered by, beside its time and id
 
@@ -221,11 +224,16 @@ def drive_address(base: str, drive: Drive) -> str:
 
 
 def drive_links(base: str, drive: Drive) -> list[Link]:
-    """Where the drive's parts are."""
+    """Where the drive's parts are, as far as the caller's key is for them."""
     here = drive_address(base, drive)
-    return [
+    links = [
         link(here, "self", title="This drive"),
         link(f"{here}/events", "events", "text/event-stream", "Its progress as server-sent events"),
+    ]
+    if not present_caller().may("own"):
+        return links
+    return [
+        *links,
         link(f"{here}/track", "track", GEO_JSON, "Its estimated track"),
         link(f"{here}/track?f=gpx", "track", "application/gpx+xml", "The same for other programs"),
         link(f"{here}/track?f=csv", "track", "text/csv", "The same as a log"),
@@ -239,9 +247,31 @@ def drive_links(base: str, drive: Drive) -> list[Link]:
     ]
 
 
+def removal_links(base: str) -> list[Link]:
+    """Where operators read how many removals are under way."""
+    if not present_caller().may("operate"):
+        return []
+    return [link(f"{base}/v1/admin/queue", "monitor", title="How many removals are under way")]
+
+
 def linked(base: str, drive: Drive) -> Drive:
-    """The drive as the API shows it: with its links."""
-    return drive.model_copy(update={"links": drive_links(base, drive)})
+    """The drive as the API shows it to the caller: with its links, and without what is another owner's."""
+    shown = drive if _may_know_duplicate(drive) else _without_duplicate(drive)
+    return shown.model_copy(update={"links": drive_links(base, drive)})
+
+
+def _may_know_duplicate(drive: Drive) -> bool:
+    """The database tells an owner of no other's drive. What all followers are told is read once, for operators."""
+    caller = present_caller()
+    return caller.may("operate") or (caller.may("own") and not drive.duplicate_is_anothers)
+
+
+def _without_duplicate(drive: Drive) -> Drive:
+    report = drive.report
+    if report is not None and drive.duplicate_of is not None:
+        told = with_duplicate((), str(drive.duplicate_of))
+        report = {**report, "warnings": [one for one in report["warnings"] if one not in told]}
+    return drive.model_copy(update={"duplicate_of": None, "same_as": None, "report": report})
 
 
 def accepted(base: str, drive: Drive) -> DriveAccepted:

@@ -20,11 +20,13 @@ from fastapi import APIRouter, Request
 from fastapi.responses import StreamingResponse
 from sqlalchemy.exc import SQLAlchemyError
 
-from app.core.http import EXAMPLE_ID, BaseUrl, existing, problems
+from app.core.caller import Scope, present_caller
+from app.core.http import EXAMPLE_ID, BaseUrl, Service, ServiceDep, existing, problems
 from app.core.receiving.clients import Shares
 from app.core.receiving.sse import EventStream, Follower, Followers, event, events_of, stream_answer
 from app.core.settings.places import libpq_url
 from app.core.text import dumps
+from app.drives import store
 from app.drives.documents import ENDED, Drive, linked
 
 CHANNEL = "versant_drives"
@@ -52,13 +54,14 @@ class News:
     def __init__(self, drive: Drive | None) -> None:
         """None: there is no such drive, or it is gone."""
         self.drive = drive
-        self._texts: dict[str, str] = {}
+        self._texts: dict[tuple[str, Scope], str] = {}
 
     def text(self, base: str) -> str:
-        """The drive's document, JSON, with links that begin with ``base``."""
-        if base not in self._texts and self.drive is not None:
-            self._texts[base] = linked(base, self.drive).model_dump_json()
-        return self._texts[base]
+        """The drive's document, JSON, as the caller is shown it, with links that begin with ``base``."""
+        shown = (base, present_caller().scope)  # who follows is its owner, or an operator
+        if shown not in self._texts and self.drive is not None:
+            self._texts[shown] = linked(base, self.drive).model_dump_json()
+        return self._texts[shown]
 
 
 class Feed:
@@ -174,12 +177,15 @@ _EXAMPLE = f'id: 3\nevent: drive\ndata: {{"id": "{EXAMPLE_ID}", "status": "runni
         **problems(404, 503),
     },
 )
-async def drive_events(drive_id: uuid.UUID, request: Request, base: BaseUrl) -> StreamingResponse:
+async def drive_events(
+    drive_id: uuid.UUID, request: Request, service: ServiceDep, base: BaseUrl
+) -> StreamingResponse:
     """The state at once, then each change. Ends after `done` or `failed`, or by `deleted` when the drive is gone.
 
     A browser's EventSource connects again when the stream ends: close it at a terminal status. Where too many streams
     are open already the answer is 503: ask for the drive itself every few seconds.
     """
+    await to_thread.run_sync(_require_there, service, drive_id)
     feed: Feed = request.app.state.feed
     follower = feed.follow(drive_id)
     try:
@@ -191,6 +197,12 @@ async def drive_events(drive_id: uuid.UUID, request: Request, base: BaseUrl) -> 
         raise
     events = events_of(follower, first, _event_maker(drive_id, base), _is_last)
     return EventStream(events, lambda: feed.leave(follower))
+
+
+def _require_there(service: Service, drive_id: uuid.UUID) -> None:
+    """``NotFoundError`` unless the drive is there for the caller: the feed reads whatever is followed."""
+    with service.reading() as session:
+        existing(store.is_there(session, drive_id) or None, "drive", drive_id)
 
 
 def _is_last(news: News) -> bool:

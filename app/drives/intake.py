@@ -50,9 +50,9 @@ def register_upload(
     """Make a stored blob a queued drive; row and job in one transaction. The flag says whether the drive is new.
     ``count`` is told of a new one's size within that transaction, and may refuse it by an error.
 
-    Known content gives the drive that has it, which keeps its own blob unless that is lost. The new blob becomes the
-    drive's or is deleted. It stays where nobody can tell whether it became a drive's, as when this process dies:
-    ``sweep_blobs`` later removes blobs without a drive.
+    Content that the caller's owner has already gives the drive that has it, which keeps its own blob unless that is
+    lost. The new blob becomes the drive's or is deleted. It stays where nobody can tell whether it became a drive's, as
+    when this process dies: ``sweep_blobs`` later removes blobs without a drive.
     """
     caller = present_caller()
     request = _Request({"filename": filename, "method": method, "options": options or {}}, count)
@@ -70,6 +70,9 @@ def register_upload(
         raise
     if drive.blob_key != blob.key:
         blobs.delete(blob.key)
+    if not created and caller.scope == "upload":
+        with as_caller(caller.as_owner), sessions.begin() as session:
+            drives.note_sender(session, drive.id)
     with about(drive=drive.id):
         event = "drive uploaded" if created else "drive uploaded again"
         tell(logger, event, bytes=drive.size_bytes, method=drive.method, state=drive.status)

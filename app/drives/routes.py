@@ -25,6 +25,7 @@ from app.drives.documents import (
     accepted,
     drive_address,
     linked,
+    removal_links,
 )
 from app.drives.listing import Direction, Order, Sort, cursor, default_direction, place_of
 from app.drives.method_choice import (
@@ -72,9 +73,10 @@ class DriveListRequest(BaseModel):
 def list_drives(
     request: Request, service: ServiceDep, base: BaseUrl, query: Annotated[DriveListRequest, Query()]
 ) -> DriveList:
-    """Newest upload first, unless another order is asked for. Follow the `next` link until there is none.
+    """The drives of the key's owner, with `operate` those of all, the newest upload first unless asked otherwise.
 
-    Each drive comes once; one whose place in the order changes meanwhile (its status, say) may come again or be missed.
+    Follow the `next` link until there is none. Each drive comes once; one whose place in the order changes meanwhile
+    (its status, say) may come again or be missed.
     """
     refuse_unknown(request, DriveListRequest.model_fields, BadRequestError)
     after, before, limit = query.after, query.before, query.limit
@@ -108,7 +110,10 @@ def list_drives(
 
 @router.get("/{drive_id}", summary="One drive", responses=problems(404, 503))
 def get_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> Drive:
-    """Status, progress, reason of a failure, and the report of the last successful run."""
+    """Status, progress, reason of a failure, and the report of the last successful run.
+
+    A key of scope `upload` sees the drives that it sent.
+    """
     with service.reading() as session:
         return linked(base, existing(drives.get_drive(session, drive_id), "drive", drive_id))
 
@@ -118,12 +123,11 @@ def delete_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, origin
     """Always works, whatever the status: a worker that computes it, or a trial of it, stops and discards the result.
 
     From the answer on the drive and every part of it are 404. Its influence leaves every segment, and its log the
-    store, within seconds; `/v1/admin/queue` counts removals that are under way. The same bytes uploaded meanwhile are
-    a drive of their own.
+    store, within seconds; `/v1/admin/queue` tells operators how many removals are under way. The same bytes uploaded
+    meanwhile are a drive of their own.
     """
     existing(intake.remove_drive(service.sessions, drive_id, origin) or None, "drive", drive_id)
-    links = [link(f"{base}/v1/admin/queue", "monitor", title="How many removals are under way")]
-    return DriveAccepted(id=drive_id, status=DriveStatus("cancelled"), links=links)
+    return DriveAccepted(id=drive_id, status=DriveStatus("cancelled"), links=removal_links(base))
 
 
 @router.post(

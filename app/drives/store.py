@@ -2,7 +2,8 @@
 
 The SQL on drives stands here, but for many at once (``batches``) and for their runs and ends (``claims``). Records
 are detached from any session. Callers own the transaction, enqueue the jobs and delete the blobs
-(``app.drives.intake``).
+(``app.drives.intake``). Whose drives a statement finds is the database's to say (``app.core.caller``); only what is
+the same log is asked among an owner's drives, also by an operator, who sees all.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
 from app.changes.webhooks.store import forget_drives
+from app.core.caller import present_caller, seeing_all
 from app.core.db import plain_json, plain_text
 from app.core.tables import IS_SHOWN
 from app.core.telemetry.tracing import traceparent
 from app.drives.documents import Drive, DrivePlace
 from app.drives.listing import Order, key_of, matching, stretches
 from app.network.marks import PATIENCE
-from app.network.rejections import rejections_of
+from app.network.rejections import Rejections, rejections_of
 
 # What a Drive is made of; the table is called d. Few drives have marks, and these an index.
 _SHOWN = f"""
@@ -30,6 +32,7 @@ _SHOWN = f"""
                WHERE m.drive_id = d.id AND m.generation = d.generation AND m.tries > {PATIENCE}
                ORDER BY m.cell) AS unsolved_cells,
     (SELECT w.id FROM drives AS w WHERE w.id = d.duplicate_of AND {IS_SHOWN.format("w")}) AS duplicate_of_shown,
+    (SELECT w.owner_id <> d.owner_id FROM drives AS w WHERE w.id = d.duplicate_of) AS duplicate_is_anothers,
     CASE WHEN d.bounds IS NOT NULL
          THEN ARRAY[ST_XMin(d.bounds), ST_YMin(d.bounds), ST_XMax(d.bounds), ST_YMax(d.bounds)] END AS bbox
 """  # noqa: S608 - constants
@@ -37,12 +40,14 @@ _FROM = f"FROM drives AS d WHERE {IS_SHOWN.format('d')}"
 _DRIVES = "SELECT" + _SHOWN + _FROM
 
 _GET = text(_DRIVES + " AND d.id = :id")
+_IS_THERE = text("SELECT d.id " + _FROM + " AND d.id = :id")
 _GET_EACH = text(_DRIVES + " AND d.id = ANY(:ids)")
 # Of drives from before contents were told only the bytes are known, plain ones perhaps; the very same bytes first.
 _GET_BY_CONTENT = text(
     _DRIVES
     + """
-     AND (d.content_sha256 = :content_sha256 OR d.sha256 IN (:sha256, :content_sha256))
+     AND d.owner_id = (SELECT versant_owner())
+        AND (d.content_sha256 = :content_sha256 OR d.sha256 IN (:sha256, :content_sha256))
     ORDER BY d.sha256 = :sha256 DESC, d.created_at LIMIT 1
     """
 )
@@ -63,6 +68,10 @@ _CREATE = text("""
             CAST(:options AS jsonb), :traceparent)
     ON CONFLICT DO NOTHING RETURNING id
 """)
+# Whoever may only upload follows what it sent: it has the log, so it may see what becomes of it.
+_SENT = text(
+    "UPDATE drives SET sent_by = versant_key() WHERE id = :id AND sent_by IS DISTINCT FROM versant_key()"
+)
 # Nothing when the drive is gone, or another upload was faster.
 _GIVE_BLOB = text("""
     UPDATE drives SET blob_key = :blob_key, sha256 = :sha256, size_bytes = :size_bytes
@@ -101,6 +110,8 @@ _ASK_ANEW = text(
 )
 
 NEWEST_FIRST = Order()
+MOST_READS = 3
+"""Of one page, while drives of it are being removed."""
 
 _WAIT_AT_MOST = text("SELECT set_config('lock_timeout', :timeout, true)")
 _BLOBS = text("SELECT blob_key FROM drives")
@@ -117,7 +128,7 @@ def create_drive(
     options: Mapping[str, Any],
     content_sha256: str | None = None,
 ) -> tuple[Drive, bool]:
-    """Insert a queued drive, or find the one that holds the same content; the flag says whether it is new.
+    """Insert a queued drive, or find the caller's owner's that holds the same content; the flag says whether it is new.
 
     Two uploads of the same content at the same moment, in whatever form, meet at the unique columns: the second
     waits for the first to commit and gets its drive.
@@ -147,6 +158,11 @@ def wait_at_most(session: Session, timeout_s: float) -> None:
     session.execute(_WAIT_AT_MOST, {"timeout": f"{round(timeout_s * 1000)}ms"})
 
 
+def note_sender(session: Session, drive_id: uuid.UUID) -> None:
+    """Let the key of the present upload see the drive from now on, in the place of the one that sent it before."""
+    session.execute(_SENT, {"id": drive_id})
+
+
 def give_blob(session: Session, drive: Drive, *, sha256: str, size_bytes: int, blob_key: str) -> bool:
     """Let a drive whose blob is lost have another of the same content; False: it is gone, or has one by now."""
     values = {"sha256": sha256, "size_bytes": size_bytes, "blob_key": blob_key}
@@ -156,6 +172,11 @@ def give_blob(session: Session, drive: Drive, *, sha256: str, size_bytes: int, b
 def get_drive(session: Session, drive_id: uuid.UUID) -> Drive | None:
     """The drive, or None."""
     return _one(session, _GET, {"id": drive_id})
+
+
+def is_there(session: Session, drive_id: uuid.UUID) -> bool:
+    """Whether the drive is there, and not being removed."""
+    return changed(session, _IS_THERE, {"id": drive_id})
 
 
 def get_drives(session: Session, ids: Collection[uuid.UUID]) -> dict[uuid.UUID, Drive]:
@@ -184,16 +205,29 @@ def list_drives(
     if q is not None:
         named_so, words = matching(session, q)
         conditions, values = conditions + named_so, values | words
-    rows: list[Row[Any]] = []
-    for part in stretches(order, after or before, backwards=before is not None):
-        query = (
-            f"SELECT {key_of(order)} AS list_key,{_SHOWN}{_FROM}{conditions}{part.condition} "
-            f"ORDER BY {part.order_by} LIMIT :limit"
-        )
-        rows += session.execute(text(query), {**values, **part.values, "limit": limit - len(rows)})
-        if len(rows) == limit:
+    if (owner_id := present_caller().confined_to) is not None:
+        conditions, values = conditions + " AND d.owner_id = :owner_id", {**values, "owner_id": owner_id}
+    for _ in range(MOST_READS):
+        listed: list[Row[Any]] = []
+        # Row level security keeps the planner from the index of words, and from knowing how few drives an owner has.
+        # So the owner is named here, and what is shown of these drives is read as the caller below.
+        with seeing_all(session):
+            for part in stretches(order, after or before, backwards=before is not None):
+                query = (
+                    f"SELECT d.id, {key_of(order)} AS list_key {_FROM}{conditions}{part.condition} "
+                    f"ORDER BY {part.order_by} LIMIT :limit"
+                )
+                listed += session.execute(
+                    text(query), {**values, **part.values, "limit": limit - len(listed)}
+                )
+                if len(listed) == limit:
+                    break
+        there = get_drives(session, [row.id for row in listed])
+        if len(there) == len(listed):
             break
-    return _shown(session, rows if before is None else rows[::-1])
+        # one was removed between both
+    shown = [there[row.id].model_copy(update={"list_key": row.list_key}) for row in listed if row.id in there]
+    return shown if before is None else shown[::-1]
 
 
 def request_reprocess(
@@ -240,9 +274,11 @@ def _one(session: Session, statement: TextClause, values: Mapping[str, Any]) -> 
 def _shown(session: Session, rows: Iterable[Row[Any]]) -> list[Drive]:
     """The drives of these rows, each with how it agrees with the others by now."""
     columns_of_each = [{**row._mapping, "duplicate_of": row.duplicate_of_shown} for row in rows]
-    rejections = rejections_of(
-        session, [columns["id"] for columns in columns_of_each if columns["report"] is not None]
-    )
+    with_report = [columns["id"] for columns in columns_of_each if columns["report"] is not None]
+    rejections: dict[uuid.UUID, Rejections] = {}
+    if with_report:
+        with seeing_all(session):  # of drives that the caller is shown anyhow
+            rejections = rejections_of(session, with_report)
     return [Drive.of({**columns, "rejections": rejections.get(columns["id"])}) for columns in columns_of_each]
 
 

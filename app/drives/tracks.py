@@ -13,6 +13,7 @@ import pyarrow as pa
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.caller import seeing_all
 from app.core.tables import IS_SHOWN
 from app.drives.documents import Drive
 from fusion.types import DrawnMeasurements, Ints, Track
@@ -92,10 +93,11 @@ def read_picture(session: Session, drive: Drive) -> bytes | None:
 
 
 def keep_picture(session: Session, drive: Drive, png: bytes, kept: int) -> None:
-    """Keep the drive's picture among the last ``kept`` that were drawn."""
+    """Keep the drive's picture among the last ``kept`` that were drawn of any drives."""
     if run_shown(drive) is not None:
         session.execute(_KEEP_PICTURE, {"drive_id": drive.id, "drawn_of": run_shown(drive), "png": png})
-        session.execute(_DROP_OLD_PICTURES, {"kept": kept})
+        with seeing_all(session):
+            session.execute(_DROP_OLD_PICTURES, {"kept": kept})
 
 
 def encode(track: Track, segment_ids: Ints) -> bytes:

@@ -87,7 +87,7 @@ class UploadRequest(MethodRequest):
     responses={
         200: {
             "model": DriveAccepted,
-            "description": "Known content: its drive.",
+            "description": "Content that the owner has already: its drive.",
             "headers": _LOCATION | QUOTA_HEADERS,
         },
         202: {"description": "Stored and queued.", "headers": _LOCATION | QUOTA_HEADERS},
@@ -105,12 +105,14 @@ async def upload_drive(
 ) -> DriveAccepted:
     """Store a log and queue it. The answer comes as soon as it is stored; follow the drive at `Location`.
 
-    Several files are one drive, and are kept as one zip. The same content again, in whatever gzip, zip or order,
-    answers 200 with the drive that it already is, unchanged, whatever the method: use `reprocess` to compute it anew.
-    Where the service had lost that drive's file, this one takes its place. What is no log is refused, as far as its
-    first bytes tell: 415 if they are of no known kind, 422 if a header lacks what a log must have. Where as much was
-    uploaded today as may be in a day, 429 says when to come again, before the body is read where its length is said. A
-    log that is refused, or that is a drive already, counts nothing; a drive that fails or is removed later counts.
+    Several files are one drive, and are kept as one zip. The drive belongs to the owner of the key. The same content
+    again from the same owner, in whatever gzip, zip or order, answers 200 with the drive that it already is, unchanged,
+    whatever the method: use `reprocess` to compute it anew. A key of scope `upload` follows what it sent last. Where
+    the service had lost that drive's file, this one takes its place. What is no log is refused, as far as its first
+    bytes tell: 415 if they are of no known kind, 422 if a header lacks what a log must have. Where as
+    much was uploaded today as may be in a day, 429 says when to come again, before the body is read where its length is
+    said. A log that is refused, or that is a drive already, counts nothing; a drive that fails or is removed later
+    counts.
     """
     settings = service.settings
     estimator = query.method or default_method(settings)

@@ -63,8 +63,8 @@ def ask_for_export(
 ) -> documents.Export:
     """Have the map, or a part of it, written to a file in the background, as it stands at one moment.
 
-    Follow it at `Location`. The same request, while the data are the same, answers with the export that there is. Files
-    of one version of the data are the same bytes, whenever they are made.
+    Follow it at `Location`. The same request of the same owner, while the data are the same, answers with the export
+    that there is. Files of one version of the data are the same bytes, whenever they are made.
     """
     refuse_unknown(request, (), BadRequestError)
     file_request = _parse_request(body)
@@ -93,7 +93,10 @@ def list_exports(
     limit: Annotated[int, Query(ge=1, le=1000, description="Exports per page.")] = 100,
     after: AfterQuery = None,
 ) -> documents.ExportList:
-    """The newest first. Follow the `next` link until there is none; each export comes once."""
+    """Those of the key's owner, with `operate` those of all, the newest first.
+
+    Follow the `next` link until there is none; each export comes once.
+    """
     refuse_unknown(request, {"status", "limit", "after"}, BadRequestError)
     shown, links = page_of(service, exports, f"{base}/v1/exports", limit=limit, after=after, status=status)
     return documents.ExportList(exports=[documents.linked(base, export) for export in shown], links=links)

@@ -25,10 +25,12 @@ exports = RequestStore(
     "export", tables.Export, Export.of, MAKE_EXPORT, "exports", on_claim={"data_version": None}
 )
 
-# One that waits will see the data of when it begins, which are no older than those of now.
+# Among those of the caller's owner: that somebody else has asked for the same is not to be told, and who removes an
+# export removes none of somebody else's. One that waits will see the data of when it begins, which are no older than
+# those of now.
 _SAME = text("""
     SELECT id FROM exports
-    WHERE request_sha256 = :request_sha256
+    WHERE owner_id = (SELECT versant_owner()) AND request_sha256 = :request_sha256
         AND (status = 'queued' OR (status IN ('running', 'done') AND data_version = :data_version))
         AND (expires_at IS NULL OR expires_at > now())
     ORDER BY status = 'done' DESC, created_at LIMIT 1
@@ -70,9 +72,10 @@ _REMOVE = text("""
 def ask(
     session: Session, *, request: Mapping[str, Any], request_sha256: str, data_version: str, **columns: Any
 ) -> tuple[Export, bool]:
-    """The export of this request at this version of the data, or a new one with its job; the flag says whether new.
+    """The caller's owner's export of this request at this version of the data, or a new one with its job; the flag says
+    whether new.
 
-    ``columns`` are its name and media type. ``BusyError`` where too many wait.
+    ``columns`` are its name and media type. ``BusyError`` where too many wait, of all owners.
     """
     exports.one_by_one(session)
     same = session.execute(_SAME, {"request_sha256": request_sha256, "data_version": data_version}).scalar()

@@ -13,6 +13,7 @@ import numpy as np
 from fastapi import APIRouter, Path, Query, Response
 from pydantic import BaseModel, BeforeValidator, Field
 
+from app.core.caller import present_caller
 from app.core.http import (
     EXAMPLE_ID,
     BaseUrl,
@@ -167,9 +168,12 @@ def get_segment(
         row = existing(segments.get_segment(session, segment_id, gaps=bool(gaps)), "segment", segment_id)
     here = f"{base}/v1/segments/{segment_id}"
     item = f"{base}/collections/segments/items/{segment_id}"
+    observations = [link(f"{here}/observations", "observations", title="The drives behind it")]
+    if not present_caller().may("own"):
+        observations = []
     links = [
         link(with_query(here, gaps=gaps), "self", GEO_JSON),
-        link(f"{here}/observations", "observations", title="The drives behind it"),
+        *observations,
         link(with_query(f"{here}/profile", gaps=gaps), "related", title="The heights along it"),
         link(with_query(item, gaps=gaps), "alternate", GEO_JSON),
     ]
@@ -188,6 +192,7 @@ def segment_observations(
 ) -> ObservationList:
     """What each drive says about the segment and how that estimate was made, the latest there first.
 
+    With a key of scope `own` these are the drives of its owner, with `operate` all. `weight` is the share among all.
     Follow the `next` link until there is none; each drive comes once.
     """
     place = None

@@ -15,6 +15,7 @@ from typing import Any
 from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
+from app.core.caller import seeing_all
 from app.core.db import Bounds
 from app.core.tables import IS_SHOWN
 from app.map.segment import COLUMNS, Segment
@@ -126,8 +127,8 @@ def segments_by_id(session: Session, ids: Sequence[int]) -> list[Segment]:
 
 # The drives behind a segment, each with how its estimate was made, and whether any pass of it is accepted. What
 # one contributes, 1/percent squared, is nothing where a drive of the network is rejected. A share is one of all drives,
-# so all are read, as three columns, whichever page is shown.
-_OBSERVATIONS = text(f"""
+# so all are read, as three columns, whichever page is shown and whoever asks.
+_WEIGHED = f"""
     WITH shown AS (
         SELECT e.* FROM drive_segments AS e JOIN drives AS d ON d.id = e.drive_id AND {IS_SHOWN.format("d")}
         WHERE e.segment_id = :id
@@ -143,8 +144,12 @@ _OBSERVATIONS = text(f"""
                    JOIN drives AS d ON d.id = p.drive_id
                    LEFT JOIN (SELECT drive_id, count(*) AS passes FROM rejected_passes WHERE segment_id = :id
                               GROUP BY drive_id) AS r ON r.drive_id = p.drive_id) AS h ON h.drive_id = e.drive_id
-    ), page AS (
-        SELECT *, (SELECT sum(information) FROM weighed) AS total FROM weighed
+    )
+"""  # noqa: S608 - constants
+_INFORMATION = text(f"{_WEIGHED} SELECT sum(information) FROM weighed")  # noqa: S608 - constants
+_OBSERVATIONS = text(f"""{_WEIGHED}
+    , page AS (
+        SELECT * FROM weighed
         WHERE CAST(:after_first_at AS timestamptz) IS NULL
             OR (first_at, drive_id) < (CAST(:after_first_at AS timestamptz), CAST(:after_id AS uuid))
         ORDER BY first_at DESC, drive_id DESC LIMIT :limit
@@ -152,7 +157,7 @@ _OBSERVATIONS = text(f"""
     SELECT d.id AS drive_id, d.drive_time, e.slope_percent, e.slope_sigma_percent, e.observations, e.passes,
            e.first_at, e.last_at, e.in_network, h.accepted, p.method, p.options, p.code_version,
            p.road_version_id, p.dem_version_id, p.created_at AS estimated_at,
-           coalesce(h.information / nullif(h.total, 0), 0) AS weight
+           coalesce(h.information / nullif(CAST(:information AS float8), 0), 0) AS weight
     FROM page AS h
     JOIN shown AS e ON e.drive_id = h.drive_id
     JOIN drives AS d ON d.id = e.drive_id
@@ -164,14 +169,16 @@ _OBSERVATIONS = text(f"""
 def segment_observations(
     session: Session, segment_id: int, *, limit: int = 100, after: tuple[datetime, uuid.UUID] | None = None
 ) -> Sequence[Row[Any]]:
-    """At most ``limit`` of the drives behind a segment's slope, the latest first.
+    """At most ``limit`` of the caller's drives behind a segment's slope, the latest first, each with its share in all.
 
     ``after``: of the last one before the page, when it came to the segment and its id. Empty for an undriven or
     unknown segment.
     """
     first_at, drive_id = after or (None, None)
+    with seeing_all(session):
+        information = session.execute(_INFORMATION, {"id": segment_id}).scalar()
     values = {"id": segment_id, "limit": limit, "after_first_at": first_at, "after_id": drive_id}
-    return session.execute(_OBSERVATIONS, values).all()
+    return session.execute(_OBSERVATIONS, {**values, "information": information}).all()
 
 
 @dataclass(frozen=True)

@@ -57,8 +57,10 @@ _ENTRIES = """
 _EPOCHS = "SELECT drive_id, measurements, epoch_s FROM drive_constants WHERE drive_id = ANY(%(ids)s::uuid[])"
 
 _DUPLICATES_OF = text("SELECT id FROM drives WHERE duplicate_of = :drive_id")
-# Of two drives that are equal to the last digit, their bytes decide.
-_FORMER = text("SELECT id, duplicate_of FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256")
+# Of two drives that are equal to the last digit, their bytes decide; of the same log of two owners the first to come.
+_FORMER = text(
+    "SELECT id, duplicate_of FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) ORDER BY sha256, created_at, id"
+)
 _COUNTING = text("SELECT id FROM drives WHERE id = ANY(CAST(:ids AS uuid[])) AND duplicate_of IS NULL")
 _SET_DUPLICATE_OF = text("UPDATE drives SET duplicate_of = :duplicate_of WHERE id = :drive_id")
 _SEGMENTS = text("""

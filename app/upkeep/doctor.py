@@ -5,7 +5,6 @@ Checks run one after the other; a check that fails is a finding itself and does 
 
 from __future__ import annotations
 
-import ipaddress
 import platform
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -96,16 +95,21 @@ def _programs(patient: Patient) -> Iterator[Finding]:
 
 
 def _access(patient: Patient) -> Iterator[Finding]:
-    host = patient.settings.host
+    settings, host = patient.settings, patient.settings.host
     state: State = "warn"
-    if not _is_loopback(host):
-        finding = f"The API listens on {host}, where other machines reach it, and has no access control."
-        advice = "Let it listen on 127.0.0.1 (VERSANT_HOST) behind something that asks who comes, or close the network."
-    elif "*" in patient.settings.host_names:
+    if settings.access == "open" and not settings.is_local:
+        finding = f"The API listens on {host}, others reach it, and it asks for no keys: they may remove every drive."
+        advice = "Leave VERSANT_ACCESS at keys, or see that something in front of it asks who comes."
+    elif "*" in settings.host_names:
         finding = "The API answers under any host name (VERSANT_ALLOWED_HOSTS is *)."
         advice = "Name those that people use, unless something in front of it checks them."
+    elif settings.access == "open":
+        state, advice = "ok", ""
+        finding = f"The API listens on {host}, for this machine alone, and asks for no keys."
     else:
-        state, finding, advice = "ok", f"The API listens on {host}, for this machine alone.", ""
+        shown = "the map" if settings.shown_map == "live" else "nothing of the map"
+        state, advice = "ok", ""
+        finding = f"The API listens on {host} and asks for keys; who shows none sees {shown}."
     yield Finding("access", state, finding, advice)
 
 
@@ -148,6 +152,19 @@ def _database(settings: Settings, session: Session) -> Iterator[Finding]:
     finding = standing.sentence or f"The database is at migration {standing.revision}, as this program."
     state: State = "warn" if standing.newer else "ok"
     yield Finding("schema", state, finding, "Update the program." * standing.newer)
+
+
+def _roles(settings: Settings, session: Session) -> Iterator[Finding]:
+    lacking = store.lacking_roles(session)
+    if lacking is None:
+        return
+    if lacking:
+        named = ", ".join(lacking)
+        finding = f"The database does not tell callers apart, or cannot act as they do: see to {named}."
+        advice = "`versant migrate` makes roles and gives rights, as a user who may. Tables need row level security."
+        yield Finding("roles", "fail", finding, advice)
+    else:
+        yield Finding("roles", "ok", "The database shows every caller its own rows.")
 
 
 def _clock(settings: Settings, session: Session) -> Iterator[Finding]:
@@ -249,13 +266,6 @@ def _elevation(settings: Settings, session: Session) -> Iterator[Finding]:
         yield Finding("heights", "warn", "Heights of segments are still of the rasters before.", advice)
 
 
-def _is_loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
 _LOOKS: tuple[tuple[str, _Look], ...] = (
     ("programs", _programs),
     ("access", _access),
@@ -264,6 +274,7 @@ _LOOKS: tuple[tuple[str, _Look], ...] = (
 )
 _DATABASE_LOOKS: dict[str, _DatabaseLook] = {
     "database": _database,
+    "roles": _roles,
     "clocks": _clock,
     "queue": _queue,
     "cells": _cells,

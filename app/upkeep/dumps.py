@@ -14,8 +14,9 @@ from app.core.settings.places import libpq_url
 from app.embedded.binaries import find_client
 from fusion.errors import FusionError
 
-LEFT_OUT = ("drive_trials", "exports", "operations")
-"""Tables whose rows are of no use elsewhere: whoever needs what they are about asks for it again, with its files."""
+LEFT_OUT = ("drive_trials", "exports", "operations", "sessions", "login_links")
+"""Tables whose rows are of no use elsewhere: whoever needs what they are about asks for it again, with its files, or
+logs in again."""
 _LINES_QUOTED = 5
 
 

@@ -6,9 +6,11 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
+from sqlalchemy.exc import SQLAlchemyError
+
 from app.changes.store import begin_epoch
 from app.changes.webhooks.store import switch_all_off
-from app.core import databases, migrate, mirror
+from app.core import databases, migrate, mirror, schema
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.filesystems import file_system, free_bytes, put_file
@@ -92,7 +94,9 @@ def restore(
     _rasters(settings, folder, manifest.below(RASTERS), progress)
     progress("database", 0.0)
     newest = max(here.postgres_major, manifest.versions["postgres_major"])
+    _roles(sessions)
     dumps.restore(settings.database_url, folder / manifest.dump.path, newest)
+    schema.give_rights(settings.database_url)
     with sessions.begin() as session:
         waiting = store.put_back(session)
         followed = store.is_followed(session)
@@ -102,6 +106,19 @@ def restore(
         begin_epoch(sessions)
     progress("database", 1.0)
     return Restored(new, waiting, tuple(name for name in blobs.databases() if name != identity))
+
+
+def _roles(sessions: Sessions) -> None:
+    """Make the roles that the dump names: they are the server's, and in no dump of a database."""
+    try:
+        with sessions.begin() as session:
+            schema.ensure_roles(session.connection())
+    except SQLAlchemyError as error:
+        reason = " ".join(str(getattr(error, "orig", None) or error).split())
+        raise BackupError(
+            f"The roles of callers cannot be made: {reason}. Let somebody who may make roles do that on this server "
+            "(`versant migrate` in any database of it), or restore as such a user."
+        ) from error
 
 
 def _require_room(settings: Settings, manifest: Manifest, stored: Set[str]) -> None:

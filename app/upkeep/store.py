@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.caller import ROLES
 from app.core.tables import IS_SHOWN
 
 # These statements work on databases of every version, so that one can be backed up before it is migrated.
@@ -60,6 +61,19 @@ _PUT_BACK = (
 )
 _WAITING = text("SELECT count(*) FROM drives WHERE status = 'queued'")
 
+_HAS_OWNERS = text("SELECT to_regclass('owners') IS NOT NULL")
+# Also where row level security is off for a table that has policies: then everybody is shown everything.
+_LACKING = text("""
+    SELECT n.name FROM unnest(CAST(:roles AS text[])) AS n (name) LEFT JOIN pg_roles AS r ON r.rolname = n.name
+    WHERE r.oid IS NULL OR NOT pg_has_role(r.oid, 'MEMBER') OR EXISTS (
+        SELECT FROM pg_tables AS t WHERE t.schemaname = current_schema() AND pg_has_role(t.tableowner, 'USAGE')
+            AND NOT has_table_privilege(r.oid, format('%I.%I', t.schemaname, t.tablename), 'SELECT'))
+    UNION ALL
+    SELECT DISTINCT p.tablename FROM pg_policies AS p
+    JOIN pg_tables AS t ON t.schemaname = p.schemaname AND t.tablename = p.tablename
+    WHERE p.schemaname = current_schema() AND NOT t.rowsecurity
+    ORDER BY 1
+""")
 _CLOCK = text("SELECT clock_timestamp()")
 _WORKERS = text("""
     WITH alive AS (
@@ -151,6 +165,14 @@ def put_back(session: Session) -> int:
 def is_followed(session: Session) -> bool:
     """Whether the database is of a schema by which others follow the map (``app.changes``)."""
     return bool(session.execute(_IS_FOLLOWED).scalar_one())
+
+
+def lacking_roles(session: Session) -> list[str] | None:
+    """Roles of callers that the server lacks, that this user cannot act as or that may not read, and tables that are
+    not guarded; None where the schema is from before there were any."""
+    if not session.execute(_HAS_OWNERS).scalar_one():
+        return None
+    return list(session.execute(_LACKING, {"roles": list(ROLES.values())}).scalars())
 
 
 def server_clock(session: Session) -> datetime:

@@ -41,6 +41,17 @@ KEY_OF_CALLER = """
     CREATE FUNCTION versant_key() RETURNS uuid LANGUAGE sql STABLE PARALLEL SAFE AS
     $$ SELECT nullif(current_setting('versant.key', true), '')::uuid $$
 """
+CONFINED_TO = """
+    CREATE FUNCTION versant_confined_to() RETURNS bigint LANGUAGE sql STABLE PARALLEL SAFE AS
+    $$ SELECT CASE WHEN current_user IN ('versant_owner', 'versant_uploader') THEN versant_owner() END $$
+"""
+# Only who owns a table may look it through for the planner: the caller of a batch has to, while it fills the queue.
+ANALYZE_QUEUE = """
+    CREATE FUNCTION analyze_queue() RETURNS void LANGUAGE plpgsql SECURITY DEFINER SET search_path FROM CURRENT AS
+    $$ BEGIN
+        ANALYZE procrastinate_jobs, drives (status, queued_at, created_at, batch_id), drive_counts;
+    END $$
+"""
 IS_OWNERS = "owner_id = (SELECT nullif(current_setting('versant.owner', true), '')::bigint)"
 IS_SENT = "sent_by = (SELECT versant_key())"
 _COUNT = """
@@ -59,8 +70,8 @@ OTHERS: dict[str, str | None] = {
     "owners": IS_OWNERS.replace("owner_id", "id", 1),
     "keys": IS_OWNERS,
     "webhook_deliveries": "EXISTS (SELECT FROM webhooks AS w WHERE w.id = webhook_id)",
-    "sessions": None,
-    "login_links": None,
+    "sessions": IS_OWNERS,
+    "login_links": "EXISTS (SELECT FROM keys AS k WHERE k.id = key_id)",
     "operations": None,
 }
 """Further tables with the rows that an owner sees; None: operators alone see them."""
@@ -72,6 +83,8 @@ def upgrade() -> None:
     ensure_roles(op.get_bind())
     op.execute(OWNER_OF_CALLER)
     op.execute(KEY_OF_CALLER)
+    op.execute(CONFINED_TO)
+    op.execute(ANALYZE_QUEUE)
     _make_tables()
     for table in OWNED:
         op.add_column(
@@ -82,6 +95,12 @@ def upgrade() -> None:
         )
         op.execute(f"ALTER TABLE {table} ALTER COLUMN owner_id SET DEFAULT versant_owner()")
     op.add_column("drives", sa.Column("sent_by", sa.Uuid(), server_default=sa.text("versant_key()")))
+    op.add_column("audit_log", sa.Column("key_id", sa.Uuid()))
+    op.execute(
+        "ALTER TABLE audit_log ALTER COLUMN key_id SET DEFAULT versant_key()"
+    )  # of no row that is there
+    op.add_column("batches", sa.Column("drives_of", sa.BigInteger(), sa.ForeignKey("owners.id")))
+    op.execute("ALTER TABLE batches ALTER COLUMN drives_of SET DEFAULT versant_confined_to()")
     _of_one_owner()
     _count_drives(owner="owner_id, ")
     _guard()
@@ -158,7 +177,8 @@ def _of_one_owner() -> None:
     op.create_index("ix_exports_owner_id_created_at_id", "exports", ["owner_id", "created_at", "id"])
     op.execute("DROP INDEX uq_batches_enqueuing")
     op.execute("""
-        CREATE UNIQUE INDEX uq_batches_enqueuing ON batches (owner_id, selection, coalesce(method, ''))
+        CREATE UNIQUE INDEX uq_batches_enqueuing
+        ON batches (owner_id, coalesce(drives_of, 0), selection, coalesce(method, ''))
         WHERE state = 'enqueuing'
     """)
 
@@ -182,7 +202,8 @@ def _count_drives(owner: str) -> None:
 def _guard() -> None:
     """Row level security: for each role of a caller the rows that it sees and writes."""
     for table in OWNED:
-        _let(table, IS_OWNERS)
+        # A batch over the drives of all is an operator's, whoever its owner is.
+        _let(table, f"{IS_OWNERS} AND drives_of = owner_id" if table == "batches" else IS_OWNERS)
     for table in OF_DRIVES:
         _let(table, OF_A_DRIVE)
     for table, condition in OTHERS.items():
@@ -201,7 +222,6 @@ def _let(table: str, owners: str | None) -> None:
 
 def downgrade() -> None:
     """Take back: everybody is shown everything again. Of a log that two owners sent both drives stay."""
-    op.execute("DROP POLICY versant_uploader ON drives")
     for table in (*OWNED, *OF_DRIVES, *OTHERS):
         op.execute(f"ALTER TABLE {table} DISABLE ROW LEVEL SECURITY")
         for (role,) in op.get_bind().execute(sa.text(_POLICIES), {"name": table}).all():
@@ -211,17 +231,27 @@ def downgrade() -> None:
     _count_drives(owner="")
     _of_all_owners()
     op.drop_column("drives", "sent_by")
+    op.drop_column("audit_log", "key_id")
+    op.drop_column("batches", "drives_of")
     for table in OWNED:
         op.drop_column(table, "owner_id")
     for table in ("login_links", "sessions", "keys", "owners"):
         op.drop_table(table)
-    for function in ("announce_access", "versant_key", "versant_owner"):
+    for function in (
+        "announce_access",
+        "analyze_queue",
+        "versant_confined_to",
+        "versant_key",
+        "versant_owner",
+    ):
         op.execute(f"DROP FUNCTION {function}")
 
 
 def _of_all_owners() -> None:
     op.execute("DROP INDEX uq_batches_enqueuing")
-    op.execute("UPDATE batches SET state = 'cancelled' WHERE state = 'enqueuing' AND owner_id <> 1")
+    op.execute(
+        "UPDATE batches SET state = 'cancelled' WHERE state = 'enqueuing' AND (owner_id <> 1 OR drives_of <> 0)"
+    )
     op.execute("""
         CREATE UNIQUE INDEX uq_batches_enqueuing ON batches (selection, coalesce(method, ''))
         WHERE state = 'enqueuing'

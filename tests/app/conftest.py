@@ -1,5 +1,6 @@
 """Fixtures that tests of several rooms of the service share; each is described where it is defined."""
 
+from access_support import keyed, keyed_filled
 from browser_fixtures import browser, tab, tab_maker
 from bucket_fixtures import bucket, bucket_server
 from condensed_support import tiny
@@ -18,6 +19,8 @@ __all__ = [
     "files",
     "filled",
     "grid_database",
+    "keyed",
+    "keyed_filled",
     "reading",
     "segment_ids",
     "send",

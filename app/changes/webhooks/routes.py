@@ -155,7 +155,7 @@ class WebhookWithDeliveries(
 
 
 class WebhookList(BaseModel, json_schema_extra={"examples": [{"webhooks": [_EXAMPLE], "links": []}]}):
-    """All of them."""
+    """Those of an owner, or of all."""
 
     webhooks: list[Webhook]
     links: list[Link]
@@ -189,9 +189,10 @@ def add(
     `webhook-signature`). The secret is in this answer only.
 
     A message is `{type, timestamp, data}`. `segments.changed` says how many segments changed and between which versions
-    (`since`, `version`): read which ones at `/v1/changes?since=...`. An answer of 2xx takes a message; else it comes
-    again, later and later, with the same `webhook-id`. After days of failures, or a 410, the address is switched off.
-    Asking twice makes two.
+    (`since`, `version`): read which ones at `/v1/changes?since=...`. `drive.done` and `drive.failed` are of the drives
+    of its owner alone, whose key asks for it; segments change by those of all. An answer of 2xx takes a message; else
+    it comes again, later and later, with the same `webhook-id`. After days of failures, or a 410, the address is
+    switched off. Asking twice makes two.
     """
     refuse_unknown(request, (), BadRequestError)
     _check(service, wish.url)
@@ -215,7 +216,7 @@ def add(
 
 @router.get("", summary="Who is told of events", responses=problems(422, 503))
 def list_all(request: Request, service: ServiceDep, base: BaseUrl) -> WebhookList:
-    """All addresses that are told of events, the oldest first."""
+    """The addresses of the key's owner that are told of events, the oldest first; with `operate` those of all."""
     refuse_unknown(request, (), BadRequestError)
     with service.reading() as session:
         rows = store.list_webhooks(session)

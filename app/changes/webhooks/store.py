@@ -95,9 +95,10 @@ _AREA = """
 """
 _ANNOUNCE_DRIVE = text(f"""
     INSERT INTO webhook_deliveries (id, webhook_id, event, data)
-    SELECT gen_random_uuid(), w.id, CAST(:event AS text), CAST(:data AS jsonb) FROM webhooks AS w
-    WHERE w.active AND CAST(:event AS text) = ANY(w.events) AND (w.bbox IS NULL OR EXISTS (
-        SELECT FROM drives AS d WHERE d.id = :drive_id AND ST_Intersects(d.bounds, {_AREA})))
+    SELECT gen_random_uuid(), w.id, CAST(:event AS text), CAST(:data AS jsonb)
+    FROM drives AS d JOIN webhooks AS w ON w.owner_id = d.owner_id
+    WHERE d.id = :drive_id AND w.active AND CAST(:event AS text) = ANY(w.events)
+        AND (w.bbox IS NULL OR ST_Intersects(d.bounds, {_AREA}))
 """)  # noqa: S608 - constants
 _FORGET_DRIVES = text(
     "DELETE FROM webhook_deliveries WHERE data ->> 'drive_id' = ANY(CAST(CAST(:ids AS uuid[]) AS text[]))"
@@ -213,7 +214,7 @@ def count_webhooks(session: Session) -> int:
 
 
 def list_webhooks(session: Session) -> list[WebhookRow]:
-    """All of them, the oldest first."""
+    """Those of the caller's owner, or all, the oldest first."""
     return [WebhookRow(*row) for row in session.execute(_LIST)]
 
 
@@ -235,7 +236,7 @@ def last_deliveries(session: Session, webhook_id: uuid.UUID, limit: int) -> list
 
 
 def announce_drive(session: Session, event: str, drive_id: uuid.UUID, data: Mapping[str, Any]) -> None:
-    """Tell all who ask for it of a drive, in the session's transaction."""
+    """Tell those of the drive's owner who ask for it, in the session's transaction."""
     payload = json.dumps(plain_json({"drive_id": str(drive_id), **data}))
     session.execute(_ANNOUNCE_DRIVE, {"event": event, "drive_id": drive_id, "data": payload})
 

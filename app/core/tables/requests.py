@@ -93,7 +93,9 @@ class AuditEntry(Numbered, Owned, Base):
     subject: Mapped[str]
     detail: Mapped[dict[str, Any]]
     origin: Mapped[str]
-    """Who it was, as far as the service can tell: address and program."""
+    """Address and program of whoever asked."""
+    key_id: Mapped[uuid.UUID | None] = mapped_column(server_default=sa.text("versant_key()"))
+    """The key that was shown; NULL: none, where none is asked for."""
 
     __table_args__ = (sa.Index(None, "at", "id"),)
 
@@ -147,6 +149,10 @@ class Batch(Numbered, Owned, Base):
     selection: Mapped[dict[str, Any]]
     method: Mapped[str | None]
     """NULL: each drive's own, with the options that it has."""
+    drives_of: Mapped[int | None] = mapped_column(
+        sa.ForeignKey("owners.id"), server_default=sa.text("versant_confined_to()")
+    )
+    """The owner whose drives alone it is about, for workers go on with it; NULL: those of all."""
     state: Mapped[str]
     drives: Mapped[int] = mapped_column(server_default="0")
     """How many it has put into the queue."""
@@ -160,6 +166,7 @@ class Batch(Numbered, Owned, Base):
         sa.Index(
             "uq_batches_enqueuing",
             "owner_id",
+            sa.text("coalesce(drives_of, 0)"),
             "selection",
             sa.text("coalesce(method, '')"),
             unique=True,

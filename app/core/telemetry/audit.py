@@ -1,7 +1,7 @@
 """The audit log: what was deleted, or asked for in bulk, over HTTP, as a row that commits with the change.
 
-There is no login yet, so who it was is what the service can see: the client's address (``app.core.receiving.clients``
-says who that is behind a proxy) and its program.
+Who it was is said by the key that was shown and its owner, which the database notes by itself, and by what the service
+can see: the client's address (``app.core.receiving.clients`` says who that is behind a proxy) and its program.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ _ADD = text("""
     VALUES (clock_timestamp(), :action, :subject, CAST(:detail AS jsonb), :origin)
 """)
 _READ = text("""
-    SELECT at, action, subject, detail, origin FROM audit_log
-    WHERE at > now() - make_interval(days => CAST(:days AS integer)) ORDER BY at DESC, id DESC LIMIT :most
+    SELECT a.at, a.action, a.subject, a.detail, a.origin, o.name AS owner, a.key_id AS key
+    FROM audit_log AS a JOIN owners AS o ON o.id = a.owner_id
+    WHERE a.at > now() - make_interval(days => CAST(:days AS integer)) ORDER BY a.at DESC, a.id DESC LIMIT :most
 """)
 
 
@@ -39,7 +40,7 @@ _PRUNE = text("DELETE FROM audit_log WHERE id <= (SELECT max(id) FROM audit_log)
 
 
 async def get_origin(request: Request) -> str:
-    """Who asks, as far as the service can tell; the one place that a login will change."""
+    """From where the request is: address and program."""
     address = request.client.host if request.client else "unknown"
     program = request.headers.get("user-agent", "").strip()
     shown = "".join(c for c in program if c.isprintable())[:LONGEST_PROGRAM]

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.errors import BadRequestError
-from app.core.http import BaseUrl, Link, Service, ServiceDep, link, problems
+from app.core.http import BaseUrl, Link, Service, ServiceDep, problems
 from app.core.query import refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
@@ -27,6 +27,7 @@ from app.drives.batches import removing_store as store
 from app.drives.batches.documents import BatchRequest, Which
 from app.drives.batches.removing_store import Sums, Targets
 from app.drives.batches.routes import chosen
+from app.drives.documents import removal_links
 from app.jobs.requests.pieces import do_pieces, never
 from app.jobs.task import Task, Work
 
@@ -94,9 +95,10 @@ def remove_drives(
 ) -> Removal:
     """Remove every done or failed drive that is meant, with its log and all that it said, as `DELETE` does of one.
 
-    `dry_run=true` answers 200 with what would go. Else they and all their parts are 404 from the answer on, and workers
-    take back what they said, behind uploads; drives that are uploaded or asked for again meanwhile stay. It cannot be
-    called off. Once more finds nothing left to remove.
+    Of the drives of the key's owner; with `operate` of those of all. `dry_run=true` answers 200 with what would go.
+    Else they and all their parts are 404 from the answer on, and workers take back what they said, behind uploads;
+    drives that are uploaded or asked for again meanwhile stay. It cannot be called off. Once more finds nothing left to
+    remove.
     """
     refuse_unknown(request, RemovalRequest.model_fields, BadRequestError)
     targets = _parse_targets(service, query)
@@ -119,11 +121,7 @@ def remove_drives(
         tell(logger, "removal of drives asked for", drives=sums.drives)
     if asked_at is not None:
         _remove(service.sessions, targets, asked_at)
-    links = (
-        []
-        if query.dry_run
-        else [link(f"{base}/v1/admin/queue", "monitor", title="How many removals are under way")]
-    )
+    links = [] if query.dry_run else removal_links(base)
     return Removal(
         **sums._asdict(), dry_run=query.dry_run, sentence=_sentence(sums, query.dry_run), links=links
     )

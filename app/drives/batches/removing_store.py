@@ -27,6 +27,7 @@ PIECE_DRIVES = 500
 _MEANT = """
     FROM drives AS d
     WHERE d.status = ANY(:statuses) AND d.queued_at <= coalesce(CAST(:asked_at AS timestamptz), now())
+        AND (CAST(:drives_of AS bigint) IS NULL OR d.owner_id = :drives_of)
         AND (CAST(:ids AS uuid[]) IS NULL OR d.id = ANY(CAST(:ids AS uuid[])))
 """
 _COUNT = """
@@ -51,7 +52,7 @@ _REMOVE = f"""
     SELECT ARRAY(SELECT id FROM gone) AS ids, deferred.drives, last.created_at, last.id
     FROM deferred LEFT JOIN last ON true
 """  # noqa: S608 - constants
-_NOW = text("SELECT clock_timestamp()")
+_NOW = text("SELECT clock_timestamp() AS now, versant_confined_to() AS drives_of")
 
 
 class Targets(BaseModel, frozen=True):
@@ -60,6 +61,8 @@ class Targets(BaseModel, frozen=True):
     selection: Selection
     method: str | None
     ids: tuple[uuid.UUID, ...] | None
+    drives_of: int | None = None
+    """The owner whose drives alone are meant: a worker that goes on sees those of all."""
 
 
 class Sums(NamedTuple):
@@ -78,9 +81,10 @@ def sums_of(session: Session, targets: Targets) -> Sums:
 
 def ask(session: Session, targets: Targets) -> datetime:
     """Have a worker remove them, those that are meant at this moment."""
-    asked_at: datetime = session.execute(_NOW).scalar_one()
-    arguments = targets.model_dump(mode="json")
-    add_job(session, REMOVE_DRIVES, lock=ONE_AT_A_TIME, asked_at=asked_at.isoformat(), **arguments)
+    row = session.execute(_NOW).one()
+    arguments = {**targets.model_dump(mode="json"), "drives_of": row.drives_of}
+    add_job(session, REMOVE_DRIVES, lock=ONE_AT_A_TIME, asked_at=row.now.isoformat(), **arguments)
+    asked_at: datetime = row.now
     return asked_at
 
 
@@ -101,4 +105,5 @@ def _where(targets: Targets, asked_at: datetime | None) -> tuple[str, Mapping[st
     where, values = conditions(targets.selection, targets.method)
     statuses = ["done", "failed"] if targets.ids is None else ["done", "failed", "queued", "running"]
     ids = None if targets.ids is None else list(targets.ids)
-    return _MEANT + where, {**values, "statuses": statuses, "ids": ids, "asked_at": asked_at}
+    meant = {"statuses": statuses, "ids": ids, "asked_at": asked_at, "drives_of": targets.drives_of}
+    return _MEANT + where, {**values, **meant}

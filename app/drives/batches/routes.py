@@ -43,10 +43,10 @@ def reprocess_drives(
 ) -> BatchAccepted:
     """Queue every done or failed drive that is meant; without any filter, those that are not of `method` already.
 
-    They go behind uploads. What each published stays until its new run replaces it. Drives whose log itself cannot be
-    used are left out (`force`, `skipped`, `note`). Follow the batch at `Location`. Asking for the same again while it
-    is put into the queue goes on with it; drives that wait already are never queued twice. `dry_run=true` counts only,
-    and answers 200.
+    Of the drives of the key's owner; with `operate` of those of all. They go behind uploads. What each published stays
+    until its new run replaces it. Drives whose log itself cannot be used are left out (`force`, `skipped`, `note`).
+    Follow the batch at `Location`. Asking for the same again while it is put into the queue goes on with it; drives
+    that wait already are never queued twice. `dry_run=true` counts only, and answers 200.
     """
     refuse_unknown(request, BatchRequest.model_fields, BadRequestError)
     filters = query.model_dump(exclude={"method", "dry_run", "bbox"})

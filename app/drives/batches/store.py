@@ -1,7 +1,8 @@
 """Many drives at once in the database: asked for anew in batches, followed, called off; and drives without a job.
 
 All of it goes in pieces, each a short transaction of the caller (``app.drives.batches.enqueuing``): drives never come
-to the client, and a batch that is cut off goes on where it stood.
+to the client, and a batch that is cut off goes on where it stood. Workers go on with it, and see what every owner has:
+a batch knows whose drives it is about (``drives_of``, which the database notes).
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ PIECE_DRIVES = 1000
 
 _FIND = text("""
     SELECT id FROM batches
-    WHERE state = 'enqueuing' AND selection = CAST(:selection AS jsonb)
+    WHERE state = 'enqueuing' AND owner_id = (SELECT versant_owner())
+        AND drives_of IS NOT DISTINCT FROM (SELECT versant_confined_to()) AND selection = CAST(:selection AS jsonb)
         AND coalesce(method, '') = coalesce(CAST(:method AS text), '')
 """)
 _OPEN = text("""
@@ -33,7 +35,7 @@ _OPEN = text("""
 
 # Held while a piece is enqueued: the next piece, whoever takes it, begins after this one.
 _HOLD = text("""
-    SELECT id, asked_at, selection, method, after_created_at, after_id FROM batches
+    SELECT id, asked_at, selection, method, after_created_at, after_id, drives_of FROM batches
     WHERE id = :batch AND state = 'enqueuing' FOR UPDATE
 """)
 
@@ -42,6 +44,7 @@ _SELECTED = """
     FROM drives AS d
     WHERE d.status IN ('done', 'failed') AND d.queued_at <= coalesce(CAST(:asked_at AS timestamptz), now())
 """
+_OF_OWNER = " AND d.owner_id = :drives_of"
 _SKIPPED = "SELECT d.failure_kind, count(*) {selected} GROUP BY 1 ORDER BY 2 DESC, 1"
 _STANDING = text("""
     SELECT coalesce(sum(drives) FILTER (WHERE status IN ('done', 'failed')), 0),
@@ -135,9 +138,9 @@ _COUNTS_UNDER_WAY = text(_COUNTS.format(of_batch="") + _UNDER_WAY)
 # Rows of one kind become one. Two who do so at once take different rows, or the second none.
 _FOLD_COUNTS = text("""
     WITH gone AS (DELETE FROM drive_counts WHERE (SELECT count(*) FROM drive_counts) > :most_rows RETURNING *)
-    INSERT INTO drive_counts (day, status, failure_kind, batch_id, drives, distance_m, size_bytes)
-    SELECT day, status, failure_kind, batch_id, sum(drives), sum(distance_m), sum(size_bytes) FROM gone
-    GROUP BY day, status, failure_kind, batch_id HAVING sum(drives) <> 0 OR sum(size_bytes) <> 0
+    INSERT INTO drive_counts (owner_id, day, status, failure_kind, batch_id, drives, distance_m, size_bytes)
+    SELECT owner_id, day, status, failure_kind, batch_id, sum(drives), sum(distance_m), sum(size_bytes) FROM gone
+    GROUP BY owner_id, day, status, failure_kind, batch_id HAVING sum(drives) <> 0 OR sum(size_bytes) <> 0
 """)
 
 # A drive and its job commit together; only what a migration asks for anew has no job. It becomes a batch of its own,
@@ -170,7 +173,7 @@ _ADOPT = text(
 )
 
 # The planner must not take a long queue for the empty one that it was until autovacuum comes round.
-_ANALYZE = text("ANALYZE procrastinate_jobs, drives (status, queued_at, created_at, batch_id), drive_counts")
+_ANALYZE = text("SELECT analyze_queue()")
 
 
 class Adopted(NamedTuple):
@@ -201,7 +204,8 @@ def enqueue_piece(session: Session, batch: int) -> bool:
     if held is None:
         return False
     where, values = conditions(Selection.model_validate(held.selection), held.method)
-    selected = _SELECTED + where + (_AFTER if held.after_id else "")
+    of_owner = "" if held.drives_of is None else _OF_OWNER
+    selected = _SELECTED + of_owner + where + (_AFTER if held.after_id else "")
     statement = text(
         _ENQUEUE.format(selected=selected, anew=ANEW, jobs=jobs_behind(TASK), before=BEFORE_BATCH)
     )

@@ -270,6 +270,8 @@ for _query in (
             "subject": "With what it was to be done",
             "detail": "What else was said, as JSON",
             "origin": "Address and program of whoever asked",
+            "owner": "Whose key it was",
+            "key": "Its id; empty where no key was shown",
         },
         lambda session, asked: audit.entries(session, asked.days),
     ),

@@ -149,6 +149,15 @@ def test_a_session_ends_with_its_key(guarded: Guarded, change: dict[str, str]) -
         wait_until(lambda: client.get("/v1/drives").status_code == 401)
 
 
+def test_a_session_ends_when_its_key_is_rotated(guarded: Guarded) -> None:
+    with browser(guarded) as client:
+        log_in(client, key=guarded.secrets["anna"])
+        link = a_link(guarded)
+        assert client.post(f"/v1/keys/{guarded.ids['anna']}/rotate").status_code == 200
+        check(client.get("/v1/drives"), 401)
+        check(log_in(client, link=link), 401)
+
+
 def test_a_session_ends_by_itself(guarded: Guarded) -> None:
     with browser(guarded) as client:
         log_in(client, key=guarded.secrets["anna"])

@@ -25,8 +25,8 @@ NAME = "max.mustermann.csv"
 CHANGED = {"cells", "segment_changes", "change_epoch", "derived_upto"}
 """Of roads and cells, by number, that what is shown of them changed, and when: who follows the map has to hear that a
 slope is gone. README and the page on operation say so."""
-COUNTS = {"process_totals", "driven_by_day", "kept_figures"}
-"""How many, how long and how long it took, of all drives together."""
+COUNTS = {"process_totals", "driven_by_day", "kept_figures", "owner_use"}
+"""How many, how long and how long it took, of all drives together; how many an owner sent on a day."""
 ASKED = {"audit_log", "batches", "exports"}
 """What somebody asked for, and when."""
 HARMLESS = {"procrastinate_events", "procrastinate_periodic_defers", "procrastinate_workers"}

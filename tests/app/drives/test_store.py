@@ -58,7 +58,11 @@ def test_a_known_content_is_found_by_indexes(sessions: Sessions) -> None:
         asked = {"sha256": "a" * 64, "content_sha256": "b" * 64}
         plan = "\n".join(session.execute(text(f"EXPLAIN {drives._GET_BY_CONTENT}"), asked).scalars())
     assert "Seq Scan" not in plan, plan
-    for index in ("uq_drives_content_sha256", "uq_drives_sha256", "ix_network_marks_drive_id"):
+    for index in (
+        "uq_drives_owner_id_content_sha256",
+        "uq_drives_owner_id_sha256",
+        "ix_network_marks_drive_id",
+    ):
         assert f"Index Scan on {index}" in plan, plan
 
 

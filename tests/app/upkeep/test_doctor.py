@@ -152,6 +152,7 @@ def test_room_and_access(settings: Settings) -> None:
     assert found(settings, None, min_free_bytes=2**60)["room of logs"].state == "fail"
     assert found(settings, None, blob_url="memory://logs")["room of logs"].state == "ok"
     assert found(settings, None, host="0.0.0.0")["access"].state == "warn"  # noqa: S104 - that is what is found
+    assert found(settings, None, host="0.0.0.0", access="keys")["access"].state == "ok"  # noqa: S104 - as above
     assert found(settings, None, host="::1")["access"].state == "ok"
     assert found(settings, None, allowed_hosts="*")["access"].state == "warn"
 

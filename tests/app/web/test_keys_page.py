@@ -118,7 +118,7 @@ def test_the_key_that_one_logged_in_with(
     asking: Web, tab: Tab, key_maker: Callable[..., str], enter: Callable[[Tab, str], None]
 ) -> None:
     """Rotating it shows the new secret, though the session is over; revoking it leads to where one logs in."""
-    enter(tab, key_maker("desk", "operate"))
+    enter(tab, key_maker("desk", "own", "bus fleet"))
     tab.page.goto(f"{asking.base}/keys", wait_until="networkidle")
     asked = tab.page.get_by_role("dialog")
     tab.page.get_by_role("button", name="Rotate desk").click()

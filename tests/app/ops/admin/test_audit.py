@@ -7,7 +7,9 @@ from typing import Any
 
 from sqlalchemy import text
 
+from access_support import Keyed
 from app.core.telemetry import audit
+from processing_support import HEADER
 from web_fixtures import Web, add_drive
 
 
@@ -59,7 +61,7 @@ def test_a_program_s_name_is_kept_short_and_plain_and_csv_holds_it(filled: Web) 
     assert row["origin"] == "127.0.0.1 " + "y" * 80
     assert row["detail"] == {}
     table = filled.client.get("/v1/admin/audit?f=csv").text
-    assert table.splitlines()[0] == "at,action,subject,detail,origin"
+    assert table.splitlines()[0] == "at,action,subject,detail,origin,owner,key"
     assert len(table.splitlines()) == 2
 
 
@@ -69,3 +71,19 @@ def test_only_the_latest_rows_are_kept(filled: Web) -> None:
             audit.note(session, "somebody", "asked", k)
         audit.prune(session, most=2)
     assert [row["subject"] for row in logged(filled)] == ["3", "4"]
+
+
+def test_a_row_says_whose_key_it_was(keyed: Keyed) -> None:
+    drives = [
+        holder.post("/v1/drives", content=HEADER).json()["id"] for holder in (keyed.a.own, keyed.operator)
+    ]
+    for holder, drive in zip((keyed.a.own, keyed.operator), drives, strict=True):
+        assert holder.delete(f"/v1/drives/{drive}").status_code == 202
+    rows = list(reversed(keyed.operator.get("/v1/admin/audit").json()["rows"]))
+    assert [(row["owner"], row["key"]) for row in rows] == [
+        ("A", str(keyed.a.own.key_id)),
+        ("operator", str(keyed.operator.key_id)),
+    ]
+    assert rows[0]["origin"].startswith("127.0.0.1 python-httpx/")
+    for holder in (keyed.a.own, keyed.a.upload):
+        assert holder.get("/v1/admin/audit").status_code == 403
