@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self
 import httpx
 
 from app.access.folder import KEY_FORM
-from app.core.settings import is_loopback
+from app.core.settings.access import is_loopback
 from fusion.errors import FusionError
 
 if TYPE_CHECKING:

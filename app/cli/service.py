@@ -186,9 +186,8 @@ def welcome(service: Service, settings: Settings, token: str | None) -> list[str
     server = f"--server {service.address}"
     opened = f"{service.address}/map"
     if token is not None:
-        opened = (
-            f"{login_address(service.address, token)}  (logs one browser in, once; later: versant keys link)"
-        )
+        again = f"versant keys link {home} {server}"
+        opened = f"{login_address(service.address, token)}  (logs one browser in, once; again: {again})"
     return [
         f"Versant is ready at {service.address}  (described at {service.address}/docs)",
         f"The map: {opened}",

@@ -13,7 +13,8 @@ import httpx
 
 from app.cli.children import LONGEST_PAUSE_S, Child, Children, child_environment, versant, workers
 from app.cli.console import Console, sentence
-from app.core.settings import Settings, is_loopback
+from app.core.settings import Settings
+from app.core.settings.access import is_loopback
 from app.embedded.cluster import EmbeddedPostgres
 from fusion.errors import FusionError
 

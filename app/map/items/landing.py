@@ -22,8 +22,8 @@ from app.map.tiles.documents import SCHEMES_REL, tilesets_link
 from app.map.tiles.routes import TILES_CLASSES
 
 BIND_NOTE = (
-    "There is no access control yet: the service listens only on this machine's loopback address unless it "
-    "is told otherwise (VERSANT_HOST, --host). Whoever reaches it can read, upload and delete drives."
+    "Requests need a key, but for those of the map where it is public (VERSANT_PUBLIC_MAP). The service listens "
+    "only on this machine's loopback address unless it is told otherwise (VERSANT_HOST, --host)."
 )
 
 
