@@ -13,8 +13,10 @@ import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import cookie_parser
+from starlette.requests import Request, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.access.callers import Callers, Kind
@@ -23,7 +25,7 @@ from app.core.caller import NOBODY, SERVICE, STILL_KNOWN, Caller, as_caller
 from app.core.caller import Scope as CallerScope
 from app.core.errors import CrossOriginWriteError, ForbiddenError, ServiceError, UnauthorizedError
 from app.core.middleware import CHANGING, EarlyAnswers
-from app.core.problems import refuse
+from app.core.problems import database_error, refuse
 from app.core.receiving.clients import PROXIED
 from app.core.settings import Settings
 
@@ -137,7 +139,11 @@ class Gate:
             return
         credential = credential_of(scope, self._proxy)
         callers = callers_of(scope)
-        known = None if credential is None else await callers.find(credential.kind, credential.secret)
+        try:
+            known = None if credential is None else await callers.find(credential.kind, credential.secret)
+        except (OperationalError, PoolTimeoutError) as away:  # no route has been asked that would answer it
+            await EarlyAnswers(await database_error(Request(scope), away))(scope, receive, send)
+            return
         caller = NOBODY if known is None else known.caller
         error = self._error(rule, caller, credential, scope)
         if error is not None:

@@ -10,6 +10,7 @@ from typing import Any
 import httpx
 import pytest
 from sqlalchemy import text
+from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from app.access import callers, store
@@ -187,3 +188,18 @@ def test_the_day_of_use_is_noted_and_no_more(guarded: Guarded) -> None:
     keys = {key["id"]: key for key in guarded.ask("operate", "GET", "/v1/keys").json()["keys"]}
     assert len(keys[str(guarded.ids["anna"])]["last_used_on"]) == len("2026-11-27")
     assert keys[str(guarded.ids["ben"])]["last_used_on"] is None
+
+
+def test_a_database_that_is_away_is_said_as_by_any_route(
+    guarded: Guarded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before any route is asked the framework answers no error; a client has to know that it may come again."""
+
+    def away(*_: object) -> None:
+        raise OperationalError("", {}, Exception("the server closed the connection"))
+
+    monkeypatch.setitem(callers._ASK, "key", away)
+    for method, path in (("GET", "/v1/drives"), ("POST", "/v1/drives"), ("GET", "/v1/session")):
+        answer = guarded.ask("ben", method, path)
+        assert check(answer, 503)["type"] == "/problems/database-unavailable"
+        assert answer.headers["retry-after"]
