@@ -16,7 +16,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 
 from app.access import routes as access
-from app.access import sessions
+from app.access import sessions, zones
 from app.access.callers import Callers
 from app.access.description import tell_rules
 from app.access.gate import Gate
@@ -46,6 +46,8 @@ from app.drives.batches import routes as batches
 from app.drives.documents import Drive
 from app.drives.outputs.drawing import Drawing
 from app.drives.parts import routes as drive_parts
+from app.drives.person import archive
+from app.drives.person import routes as person
 from app.drives.store import get_drives
 from app.drives.trials import routes as trials
 from app.exports import routes as exports
@@ -69,6 +71,8 @@ from app.web import docs, pages
 ROUTERS: tuple[APIRouter, ...] = (
     sessions.router,
     access.router,
+    zones.router,
+    person.router,
     upload.router,
     methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's
@@ -206,6 +210,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     )
     app.state.callers = Callers(url, session_factory(engine))
     app.state.logins = Logins(Provider(settings) if settings.oidc_issuer else None)
+    app.state.archives = RequestClass(archive.AT_ONCE, for_others=archive.AT_ONCE)
     app.state.drawing = Drawing(settings.pictures_waiting)
     streams = Shares(settings.events_max, settings.events_per_client)
     app.state.feed = feed.Feed(

@@ -51,6 +51,7 @@ _TABLE = {
         GET /tileMatrixSets/WebMercatorQuad
         GET /upload
         GET /v1/methods
+        GET /v1/removals/{removal_id}
         GET /v1/session
         GET /v1/session/oidc
         GET /v1/session/oidc/done
@@ -134,6 +135,11 @@ _TABLE = {
         DELETE /v1/keys/{key_id}
         POST /v1/keys/{key_id}/rotate
         GET /v1/owner
+        PATCH /v1/owner
+        DELETE /v1/owner
+        GET /v1/owner/archive
+        GET /v1/owner/zones
+        PUT /v1/owner/zones
         GET /v1/segments/{segment_id}/observations
         GET /v1/webhooks
         POST /v1/webhooks
@@ -156,6 +162,8 @@ _TABLE = {
         POST /v1/owners
         GET /v1/owners/{owner_id}
         PATCH /v1/owners/{owner_id}
+        DELETE /v1/owners/{owner_id}
+        GET /v1/owners/{owner_id}/archive
         GET /v1/rasters
     """,
 }

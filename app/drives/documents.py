@@ -47,6 +47,7 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "epochs": 549,
     "distance_m": 6240.3,
     "bbox": [8.4611, 48.9512, 8.4987, 48.9838],
+    "log_deleted_at": None,
     "report": {"matched_share": 0.98, "breaks": [], "rejected_segments": 0, "warnings": []},
     "links": [{"href": EXAMPLE_DRIVE, "rel": "self", "type": "application/json"}],
 }
@@ -123,6 +124,10 @@ class Drive(
     epochs: int | None
     distance_m: float | None
     bbox: Bounds | None = Field(description="West, south, east, north; degrees.")
+    log_deleted_at: Moment | None = Field(
+        description="When its log was deleted, because its owner keeps logs no longer; null: it is there. Results "
+        "stay, but the drive cannot be computed again."
+    )
     report: dict[str, Any] | None = Field(
         description="Of the last successful run: matched share and breaks, learned noise, mount, what each sensor "
         "contributes, on how many segments it contradicts other drives now (rejected_segments), how positions were "

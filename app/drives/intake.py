@@ -15,6 +15,7 @@ from typing import Any
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
+from app.access.store import hold_owner
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.caller import as_caller, present_caller
 from app.core.databases import database_identity
@@ -110,6 +111,7 @@ def _add(
             drives.wait_at_most(session, wait_s)
         # Before the drive refers to the blob: another database's sweep must not take it for an orphan.
         blobs.register_database(database_identity(session))
+        hold_owner(session)
         drive, created = _create_or_heal(session, blobs, blob, request)
         try:
             session.commit()

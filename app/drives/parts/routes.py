@@ -57,6 +57,7 @@ from app.drives.parts.reading import (
     estimates_answer,
     form_of,
     in_blocks,
+    log_name,
     measurements_answer,
     profile_answer,
     run_of_drive,
@@ -73,7 +74,6 @@ GPX = "application/gpx+xml"
 BYTES = "application/octet-stream"
 BLOCK_BYTES = 2**20
 """Fetched of a bucket at once."""
-ZIP = b"PK\x03\x04"
 TRACKS = {"geojson": GEO_JSON, "csv": CSV, "gpx": GPX}
 PROFILES = {"json": JSON, "png": PNG, "csv": CSV}
 
@@ -284,7 +284,7 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
     def opened() -> tuple[BinaryIO, dict[str, str]]:
         file = _opened(service, drive)
         return file, shared | {
-            "Content-Disposition": attachment(_name(drive, file)),
+            "Content-Disposition": attachment(log_name(drive, file)),
             "X-Content-Type-Options": "nosniff",
             "Content-Security-Policy": "sandbox",
         }
@@ -325,12 +325,3 @@ def _opened(service: Service, drive: Drive) -> BinaryIO:
             f"The uploaded file of drive {drive.id} is no longer in the service's storage. What was computed of it "
             "stays; upload the same file again, and the drive has it again."
         ) from None
-
-
-def _name(drive: Drive, file: BinaryIO) -> str:
-    """The name to keep the file under: several files are kept as one zip."""
-    if ", " not in drive.filename or drive.filename.lower().endswith(".zip"):
-        return drive.filename
-    head = file.read(len(ZIP))
-    file.seek(0)
-    return f"{drive.filename}.zip" if head == ZIP else drive.filename
