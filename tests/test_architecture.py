@@ -69,6 +69,7 @@ SQL_PLACES = {
         "ops/admin/attention.py",
         "ops/admin/store.py",
         "ops/store.py",
+        "releases/store.py",
         "roads/copy.py",
         "roads/retired.py",
         "roads/changing.py",
