@@ -28,7 +28,7 @@ from app.changes.webhooks import routes as webhooks
 from app.core import middleware
 from app.core.admission import MORE_CONNECTIONS, Admission, RequestClass, Turnstile, make_request_classes
 from app.core.blobs import BlobStore
-from app.core.caller import SERVICE, as_caller, guard
+from app.core.caller import EDITION, SERVICE, as_caller, guard
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.disconnects import EndWithClient
 from app.core.http import Service
@@ -218,8 +218,12 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     )
     app.state.tiles = Tiles(url, settings, app.state.request_classes)
     app.state.live = Live(app.state.tiles.watch, streams)
-    running = (app.state.callers.run(), app.state.feed.run(), app.state.tiles.run(), app.state.live.run())
-    beside = [asyncio.create_task(one) for one in running]
+    followed = [app.state.callers, app.state.feed, app.state.tiles, app.state.live]
+    if settings.shown_map == "releases":
+        app.state.edition_tiles = Tiles(url, settings, app.state.request_classes, EDITION)
+        app.state.edition_live = Live(app.state.edition_tiles.watch, streams)
+        followed += [app.state.edition_tiles, app.state.edition_live]
+    beside = [asyncio.create_task(one.run()) for one in followed]
     try:
         yield
     finally:
@@ -227,7 +231,9 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             task.cancel()
             with suppress(asyncio.CancelledError):
                 await task
-        await app.state.tiles.close()
+        for one in followed:
+            if isinstance(one, Tiles):
+                await one.close()
         app.state.drawing.close()
         engine.dispose()
         probing.dispose()

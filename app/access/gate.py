@@ -11,7 +11,7 @@ import base64
 import binascii
 import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
@@ -119,7 +119,13 @@ class Gate:
     def __init__(self, app: ASGIApp, settings: Settings, routes: Sequence[tuple[str, str]]) -> None:
         self.app = app
         self._open = settings.access == "open"
-        self._map: CallerScope = "nobody" if settings.shown_map == "live" else "own"
+        self._map: CallerScope = "own" if settings.shown_map == "off" else "nobody"
+        # Of whom what is seen of the map is an edition. Operators see it as it is now.
+        self._see_editions: frozenset[CallerScope] = frozenset()
+        if settings.shown_map == "releases":
+            self._see_editions = frozenset(
+                ("nobody",) if settings.owners_map == "live" else ("nobody", "upload", "own")
+            )
         self._rules = Rules(routes)
         self._proxy = Proxy.of(settings)
         # What an upload still sends is read for a while, so that its client reads the refusal.
@@ -157,7 +163,8 @@ class Gate:
                 return now is not None and now.caller == known_as
 
             scope[STILL_KNOWN], scope[KNOWN] = still_known, known
-        if rule is not Rule.OPEN and self._need(rule) != "nobody":
+        others_see_another = rule is Rule.MAP and known is not None and bool(self._see_editions)
+        if others_see_another or (rule is not Rule.OPEN and self._need(rule) != "nobody"):
             send = _kept_by_nobody_else(send)
         await self._pass(caller, scope, receive, send)
 
@@ -165,6 +172,8 @@ class Gate:
         return self._map if rule is Rule.MAP else _NEEDS[rule]
 
     async def _pass(self, caller: Caller, scope: Scope, receive: Receive, send: Send) -> None:
+        if caller.scope in self._see_editions:
+            caller = replace(caller, sees="edition")
         with as_caller(caller):
             await self.app(scope, receive, send)
 

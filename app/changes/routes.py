@@ -19,6 +19,7 @@ from pydantic import BaseModel, Field
 
 from app.changes import store
 from app.changes.store import Page, Since, page_since
+from app.core.caller import present_caller
 from app.core.db import Bounds
 from app.core.errors import BadQueryError, BadRequestError
 from app.core.http import REVALIDATE, BaseUrl, Link, ServiceDep, link, not_modified, problems, with_query
@@ -238,7 +239,8 @@ _EVENT_EXAMPLE = (
 
 async def get_live(request: Request) -> Live:
     """Who follow the map."""
-    live: Live = request.app.state.live
+    state = request.app.state
+    live: Live = state.edition_live if present_caller().sees == "edition" else state.live
     return live
 
 

@@ -34,12 +34,20 @@ ROLES: dict[Scope, str] = {
     "operate": "versant_operator",  # sees everything
 }
 
+PUBLIC_ROLE = "versant_public"
+"""Of whoever is nobody where the public reads editions: it may read these, the roads, and nothing else."""
+EDITION, TOLD = "edition", "told"
+"""Schemas: what the public reads, and what that was made of."""
+EDITION_PATH = f"{EDITION}, public"
+Sees = Literal["live", "edition"]
+
 STILL_KNOWN = "versant.still_known"
 """What the scope of a request has where its caller showed a key: a stream asks by it before it tells anything more."""
 
 _BECOME = """
     SELECT set_config('role', %s, true), set_config('versant.owner', %s, true), set_config('versant.key', %s, true)
 """
+_READ_EDITION = f"SELECT set_config('search_path', '{EDITION_PATH}', true)"
 _TAKE = text("SELECT current_setting('role'), set_config('role', :role, true)")
 
 
@@ -50,6 +58,13 @@ class Caller:
     scope: Scope = "nobody"
     owner_id: int | None = None
     key_id: uuid.UUID | None = None
+    sees: Sees = "live"
+    """Of the map: as it is now, or the last edition."""
+
+    @property
+    def role(self) -> str:
+        """The role of the database."""
+        return PUBLIC_ROLE if self.scope == "nobody" and self.sees == "edition" else ROLES[self.scope]
 
     def may(self, scope: Scope) -> bool:
         """Whether the caller may do what needs ``scope``."""
@@ -122,7 +137,9 @@ def guard(engine: Engine) -> Engine:
         caller = present_caller()
         driver: Any = connection.connection.driver_connection
         owner = "" if caller.owner_id is None else str(caller.owner_id)
-        driver.execute(_BECOME, (ROLES[caller.scope], owner, str(caller.key_id or "")))
+        driver.execute(_BECOME, (caller.role, owner, str(caller.key_id or "")))
+        if caller.sees == "edition":
+            driver.execute(_READ_EDITION)
 
     event.listen(engine, "begin", become)
     return engine

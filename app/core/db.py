@@ -46,12 +46,13 @@ class Patience:
     """For a free connection of the pool, or a new one to the server."""
 
 
-def server_options(patience: Patience | None) -> str:
-    """Options of the server for a connection."""
+def server_options(patience: Patience | None, schema: str | None = None) -> str:
+    """Options of the server for a connection. Tables that ``schema`` has are its own, all others the live ones."""
+    options = _SERVER_OPTIONS if schema is None else f"{_SERVER_OPTIONS} -c search_path={schema},public"
     if patience is None:
-        return _SERVER_OPTIONS
+        return options
     statement_ms, lock_ms = round(1000 * patience.statement_s), round(1000 * patience.lock_s)
-    return f"{_SERVER_OPTIONS} -c statement_timeout={statement_ms} -c lock_timeout={lock_ms}"
+    return f"{options} -c statement_timeout={statement_ms} -c lock_timeout={lock_ms}"
 
 
 def make_engine(
@@ -61,11 +62,13 @@ def make_engine(
     max_overflow: int = 10,
     patience: Patience | None = None,
     background: bool = False,
+    schema: str | None = None,
 ) -> Engine:
     """An engine whose connections are checked before use, so that a restarted database costs no request.
 
     Without ``patience`` statements and locks take as long as they take: workers and imports have nobody who waits.
     ``background``: connections have background priority at a server on this machine (``app.core.background``).
+    ``schema``: as ``server_options`` has it.
     """
     limits = {}
     if patience is not None:
@@ -78,7 +81,7 @@ def make_engine(
         pool_size=pool_size,
         max_overflow=max_overflow,
         pool_timeout=30.0 if patience is None else patience.connection_s,
-        connect_args={"options": server_options(patience), "application_name": "versant", **limits},
+        connect_args={"options": server_options(patience, schema), "application_name": "versant", **limits},
     )
     if background:
         event.listen(engine, "connect", lambda connection, _record: lower_server_priority(connection))

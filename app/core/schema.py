@@ -16,7 +16,7 @@ from procrastinate.schema import SchemaManager
 from sqlalchemy import Connection, text
 from sqlalchemy.orm import Session
 
-from app.core.caller import API_ROLE, ROLES
+from app.core.caller import API_ROLE, EDITION, PUBLIC_ROLE, ROLES
 from app.core.settings.places import libpq_url
 
 _HAS_TABLE = text("SELECT to_regclass(:name) IS NOT NULL")
@@ -54,6 +54,16 @@ _GIVE = """
         END LOOP;
     END $$
 """
+# Who sees an edition may begin its epoch of changes as well, where a database was brought here (``app.changes.store``).
+_GIVE_EDITION = (
+    "GRANT USAGE ON SCHEMA {edition} TO {api}, {public}",
+    "GRANT SELECT ON ALL TABLES IN SCHEMA {edition} TO {api}, {public}",
+    "GRANT INSERT, UPDATE ON {edition}.change_epoch, {edition}.segment_changes, {edition}.cells TO {api}, {public}",
+)
+_OF_ROADS = ("segments", "road_versions", "dem_versions", "regions", "editions")
+"""Of the live tables those that the public may read: what nobody drove."""
+_GIVE_ROADS = "GRANT SELECT ON {tables} TO {public}"
+_HAS_EDITION = "SELECT to_regclass('editions') IS NOT NULL"
 _COMMENT = "COMMENT ON TABLE procrastinate_jobs IS {}"
 
 
@@ -92,9 +102,9 @@ def ensure_roles(connection: Connection) -> None:
     """
     user = str(connection.execute(text("SELECT current_user")).scalar_one())
     quote = connection.dialect.identifier_preparer.quote
-    for role in ROLES.values():
+    for role in (*ROLES.values(), PUBLIC_ROLE):
         connection.execute(text(_ROLE.format(role=role)))
-        for member, group in ((user, role), (role, API_ROLE)):
+        for member, group in ((user, role), *(((role, API_ROLE),) if role != PUBLIC_ROLE else ())):
             if not connection.execute(text(_IS_MEMBER), {"member": member, "role": group}).scalar_one():
                 connection.execute(text(_JOIN.format(role=group, member=quote(member))))
 
@@ -104,6 +114,15 @@ def give_rights(url: str) -> None:
     with psycopg.connect(libpq_url(url), autocommit=True) as connection:
         if (connection.execute(_HAS_OWNERS).fetchone() or (False,))[0]:
             connection.execute(_GIVE.format(role=API_ROLE))
+        if (connection.execute(_HAS_EDITION).fetchone() or (False,))[0]:
+            names = {
+                "edition": EDITION,
+                "api": API_ROLE,
+                "public": PUBLIC_ROLE,
+                "tables": ", ".join(_OF_ROADS),
+            }
+            for statement in (*_GIVE_EDITION, _GIVE_ROADS):
+                connection.execute(statement.format(**names))
 
 
 def queue_files() -> list[str]:

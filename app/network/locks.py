@@ -23,6 +23,10 @@ _CELLS = 0x5653_434C  # "VSCL"
 _HEIGHTS = 0x5653_4854  # "VSHT"
 _IMPORT = 0x5653_494D  # "VSIM"
 _DERIVE = 0x5653_4456  # "VSDV"
+_RELEASE = 0x5653_5253  # "VSRS"
+
+# What is told to the public is solved and derived beside the live map, by the same cells (``app.releases``).
+_OF_SCHEMA = "CASE current_schema() WHEN 'edition' THEN 1 WHEN 'told' THEN 2 ELSE 0 END + :key"
 
 _OWN = text("SELECT pg_advisory_xact_lock(:key)")
 _SHARE = text("SELECT pg_advisory_xact_lock_shared(:key)")
@@ -30,9 +34,10 @@ _TRY_SHARE = text("SELECT pg_try_advisory_xact_lock_shared(:key)")
 _HOUR = text(
     "SELECT pg_advisory_xact_lock(:key, h) FROM (SELECT unnest(CAST(:hours AS integer[])) AS h ORDER BY 1) AS o"
 )
-_TRY_CELL = text("SELECT pg_try_advisory_lock(:key, :cell)")
+_TRY_CELL = text(f"SELECT pg_try_advisory_lock({_OF_SCHEMA}, :cell)")
 _WAIT = text("SELECT pg_advisory_lock(:key)")
 _TRY = text("SELECT pg_try_advisory_lock(:key)")
+_TRY_OF_SCHEMA = text(f"SELECT pg_try_advisory_lock({_OF_SCHEMA})")
 _FREE_ALL = text("SELECT pg_advisory_unlock_all()")
 
 HOUR_S = 3600.0
@@ -131,7 +136,14 @@ def own_heights(sessions: Sessions, *, wait: bool) -> Iterator[bool]:
 
 
 @contextmanager
+def releasing_alone(sessions: Sessions) -> Iterator[bool]:
+    """Whether nobody else makes an edition, until the block or the process ends."""
+    with _beyond_transactions(sessions) as session:
+        yield bool(session.execute(_TRY, {"key": _RELEASE}).scalar_one())
+
+
+@contextmanager
 def deriving_alone(sessions: Sessions) -> Iterator[bool]:
     """Whether nobody else derives, until the block or the process ends. What is written does not depend on it."""
     with _beyond_transactions(sessions) as session:
-        yield bool(session.execute(_TRY, {"key": _DERIVE}).scalar_one())
+        yield bool(session.execute(_TRY_OF_SCHEMA, {"key": _DERIVE}).scalar_one())

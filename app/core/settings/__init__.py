@@ -238,6 +238,12 @@ class Settings(Access):
         return self.public_map or ("live" if self.is_local else "off")
 
     @property
+    def owners_needed(self) -> int:
+        """Distinct owners who have to contribute to what an edition tells."""
+        colluders = self.public_owners - 1 if self.public_colluders is None else self.public_colluders
+        return self.public_owners + colluders
+
+    @property
     def origins(self) -> tuple[str, ...]:
         """Those in ``cors_origins``."""
         return listed(self.cors_origins)

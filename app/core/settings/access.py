@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, SecretStr
 
 from app.core.settings.places import Places
 
-PublicMap = Literal["live", "off"]
+PublicMap = Literal["live", "off", "releases"]
 QUOTA_MOST = 10**15 - 1
 """The largest integer that a structured header field can tell (RFC 9651)."""
 
@@ -51,8 +51,19 @@ class Access(Places):
     """Whether ACCESS may be open though others reach the service: everybody who does may then read and remove every
     drive."""
     public_map: PublicMap | None = None
-    """What is answered without a key: the map as it is now (live), or nothing of it (off). A map that changes when a
-    drive arrives gives the drive away. Unset: live where only this machine reaches the service, else off."""
+    """What is answered without a key: the map as it is now (live), nothing of it (off), or editions of it that give no
+    owner away (releases). A map that changes when a drive arrives gives the drive away. Unset: live where only this
+    machine reaches the service, else off."""
+    public_owners: int = Field(3, ge=1, le=1000)
+    """Among so many owners each is hidden in editions. 1 hides nobody: for a service whose drives are no secret."""
+    public_colluders: int | None = Field(None, ge=0, le=1000)
+    """So many owners may work together against another and still learn nothing: a segment is in an edition, and changes
+    in it, once PUBLIC_OWNERS and so many more contribute. Unset: one fewer than PUBLIC_OWNERS."""
+    release_days: int = Field(7, ge=1, le=366)
+    """Days from one edition to the next, where PUBLIC_MAP is releases."""
+    owners_map: Literal["live", "releases"] = "live"
+    """What owners see of the map besides their own drives, where PUBLIC_MAP is releases: the map as it is now, or
+    editions as everybody. Whoever sees it as it is now sees where others drive; operators always do."""
     key: SecretStr | None = None
     """The key that `versant upload` and other clients send; unset: that of the data folder, to this machine alone."""
     quota_drives: int | None = Field(None, ge=0, le=QUOTA_MOST)

@@ -43,6 +43,21 @@ class OwnerUse(Base):
     bytes: Mapped[int] = mapped_column(sa.BigInteger)
 
 
+class OwnerZoneRow(Numbered, Base):
+    """A place that its owner drew: what he drives near it is told in no edition (``app.releases``)."""
+
+    __tablename__ = "owner_zones"
+
+    owner_id: Mapped[int] = mapped_column(goes_with("owners"), index=True)
+    name: Mapped[str]
+    lon_deg: Mapped[float]
+    lat_deg: Mapped[float]
+    radius_m: Mapped[float]
+    created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+
+    __table_args__ = (sa.CheckConstraint("radius_m > 0", name="radius"),)
+
+
 class KeyRow(Base):
     """A key of an owner; it stays when it is revoked, for the audit names it."""
 

@@ -4,7 +4,7 @@ which others follow the map: whose numbers of transactions count, and who is tol
 from __future__ import annotations
 
 import uuid
-from datetime import datetime
+from datetime import date, datetime
 from typing import Any
 
 import sqlalchemy as sa
@@ -182,6 +182,25 @@ class ChangeEpoch(OneRow, Base):
     begun_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
 
     __table_args__ = (sa.CheckConstraint("id = 1", name="singleton"),)
+
+
+class EditionRow(Base):
+    """An edition of the map for the public (``app.releases``), and the files of it that are kept."""
+
+    __tablename__ = "editions"
+
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    day: Mapped[date]
+    owners: Mapped[int]
+    """Among so many each is hidden, even from those that work together."""
+    owners_needed: Mapped[int]
+    """Distinct owners who drove a segment of it."""
+    segments: Mapped[int] = mapped_column(sa.BigInteger)
+    length_m: Mapped[float]
+    withheld_share: Mapped[float | None]
+    """Of the driven segments; NULL where none is driven."""
+    withheld_length_share: Mapped[float | None]
+    files: Mapped[list[dict[str, Any]]] = mapped_column(server_default=sa.text("'[]'"))
 
 
 class Webhook(Owned, Base):

@@ -28,8 +28,10 @@ Connection = AsyncConnection[tuple[Any, ...]]
 class Connections:
     """Connections that wait for work; as many as are asked for at once, and ``kept`` of them while nobody asks."""
 
-    def __init__(self, url: str, patience: Patience, *, kept: int) -> None:
+    def __init__(self, url: str, patience: Patience, *, kept: int, schema: str | None = None) -> None:
+        """``schema``: as ``app.core.db.server_options`` has it."""
         self._url = libpq_url(url)
+        self._schema = schema
         self._patience = patience
         self._kept = kept
         self._idle: list[Connection] = []
@@ -103,7 +105,7 @@ class Connections:
             self._url,
             autocommit=True,
             prepare_threshold=0,
-            options=server_options(self._patience),
+            options=server_options(self._patience, self._schema),
             application_name="versant",
             connect_timeout=max(2, math.ceil(self._patience.connection_s)),
         )

@@ -25,6 +25,7 @@ from fastapi import Request
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from app.core.caller import present_caller
 from app.core.disconnects import CLIENT_GONE
 from app.core.errors import NotFoundError, ServiceError
 from app.core.http import REVALIDATE, is_named
@@ -55,6 +56,12 @@ _WEIGHTLESS = re.compile(r"\s*;\s*q=0(\.0*)?\s*")
 
 Headers = list[tuple[bytes, bytes]]
 Wait = Callable[[Coroutine[Any, Any, Tile]], Awaitable[Tile]]
+
+
+def tiles_of(state: Any) -> Tiles:
+    """The tiles of the map that the present caller sees."""
+    tiles: Tiles = state.edition_tiles if present_caller().sees == "edition" else state.tiles
+    return tiles
 
 
 class TilePath(NamedTuple):
@@ -88,7 +95,7 @@ class TileFront:
             return
         scope["route"] = SimpleNamespace(path=path.route)  # log and metrics name a request by it
         scope["path_params"] = {"z": path.at.z, "x": path.at.x, "y": path.at.y}
-        tiles: Tiles = scope["app"].state.tiles
+        tiles = tiles_of(scope["app"].state)
         try:
             reply = await answer(tiles, path.at, scope["headers"], _unless_client_leaves(receive))
         except ClientDisconnect:

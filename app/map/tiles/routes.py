@@ -34,7 +34,7 @@ from app.map.segment import HEIGHT_DATUM, attribution
 from app.map.segments import MAX_ID, SEGMENT_EXAMPLE
 from app.map.store import geojson_tile as geojson_rows
 from app.map.tiles import documents
-from app.map.tiles.front import DEEPEST_ZOOM, LAYERS, MVT, QUAD, SUFFIXES, answer, check_tile
+from app.map.tiles.front import DEEPEST_ZOOM, LAYERS, MVT, QUAD, SUFFIXES, answer, check_tile, tiles_of
 from app.map.tiles.store import SEGMENTS, Address
 from app.network.cells import tile_tag
 from app.terrain.store import dem_version_id
@@ -84,7 +84,7 @@ async def vector_tile(request: Request, at: Address) -> Response:
     """The answer of a route to a request for a vector tile."""
     # Requests that have a class got their place before the route (``app.core.admission``).
     is_admitted = class_of_request("GET", request.url.path) is not None
-    reply = await answer(request.app.state.tiles, at, request.scope["headers"], is_admitted=is_admitted)
+    reply = await answer(tiles_of(request.app.state), at, request.scope["headers"], is_admitted=is_admitted)
     response = Response(reply.body, reply.status)
     response.raw_headers = reply.headers
     return response

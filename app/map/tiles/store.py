@@ -102,7 +102,7 @@ _KEPT_OR_MADE = f"""
     SELECT (SELECT body FROM kept), CASE WHEN NOT EXISTS (SELECT FROM kept) THEN ({{tile}}) END
 """  # noqa: S608 - constants
 _MADE_AGAIN = f"WITH {_BOX} {{tile}}"
-_LOCK = "SELECT pg_advisory_xact_lock(%s, %s)"
+_LOCK = "SELECT pg_advisory_xact_lock(%s + CASE current_schema() WHEN 'edition' THEN 1 ELSE 0 END, %s)"
 _KEEP = """
     INSERT INTO stored_tiles AS t (layer, z, x, y, tag, size_bytes, body)
     VALUES (%(layer)s, %(z)s, %(x)s, %(y)s, %(tag)s, %(size_bytes)s, %(body)b)

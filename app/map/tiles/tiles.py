@@ -97,14 +97,21 @@ class _Flight:
 class Tiles:
     """The vector tiles of one process. Lives as long as its event loop."""
 
-    def __init__(self, url: str, settings: Settings, request_classes: Mapping[str, RequestClass]) -> None:
+    def __init__(
+        self,
+        url: str,
+        settings: Settings,
+        request_classes: Mapping[str, RequestClass],
+        schema: str | None = None,
+    ) -> None:
+        """``schema``: of the map, as ``app.core.db.server_options`` has it; None: the live one."""
         patience = Patience(settings.statement_timeout_s, settings.lock_timeout_s, settings.pool_timeout_s)
         self.settings = settings
-        self.watch = Watch(Connections(url, patience, kept=1))
+        self.watch = Watch(Connections(url, patience, kept=1, schema=schema))
         self.built = 0
         """How many tiles this process has built."""
         self._classes = request_classes
-        self._builders = Connections(url, patience, kept=settings.db_pool_size)
+        self._builders = Connections(url, patience, kept=settings.db_pool_size, schema=schema)
         self._memory = _Memory(settings.tile_memory_bytes)
         self._serial = count()
         self._flights: dict[tuple[Address, str], _Flight] = {}
