@@ -84,7 +84,9 @@ class Owner(OwnerName, json_schema_extra={"examples": [_OWNER_DOCUMENT]}):
     )
     keys: int = Field(description="Its keys that are not revoked.")
     drives: int = Field(description="Its drives.")
-    bytes: int = Field(description="What their logs take, as stored.")
+    bytes: int = Field(
+        description="What their logs took as they were stored, those included that were deleted since."
+    )
 
     @classmethod
     def of(cls, owner: store.Owner) -> Self:

@@ -16,6 +16,7 @@ from pydantic import BaseModel, Field
 
 from app.core.caller import present_caller
 from app.core.db import Bounds
+from app.core.errors import LogDeletedError
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
@@ -135,6 +136,14 @@ class Drive(
     )
     links: list[Link] = Field(default_factory=list)
 
+    def require_log(self) -> None:
+        """``LogDeletedError`` where it was deleted."""
+        if self.log_deleted_at is not None:
+            raise LogDeletedError(
+                f"The log of drive {self.id} was deleted, for its owner keeps logs no longer. What was computed of it "
+                "stays, and is not computed again. To have it computed anew, remove the drive and upload its log."
+            )
+
     # The service's own, in no document.
     blob_key: str = Field(exclude=True)
     generation: int = Field(exclude=True)
@@ -237,8 +246,7 @@ def drive_links(base: str, drive: Drive) -> list[Link]:
     ]
     if not present_caller().may("own"):
         return links
-    return [
-        *links,
+    links += [
         link(f"{here}/track", "track", GEO_JSON, "Its estimated track"),
         link(f"{here}/track?f=gpx", "track", "application/gpx+xml", "The same for other programs"),
         link(f"{here}/track?f=csv", "track", "text/csv", "The same as a log"),
@@ -246,10 +254,14 @@ def drive_links(base: str, drive: Drive) -> list[Link]:
         link(f"{here}/profile?f=png", "profile", "image/png", "Its elevation profile as a picture"),
         link(f"{here}/segments", "segments", GEO_JSON, "Its estimates per road segment"),
         link(f"{here}/measurements", "measurements", title="What its sensors said along it"),
-        link(f"{here}/log", "enclosure", "application/octet-stream", "Its log as it was uploaded"),
         link(f"{here}/trials", "trials", title="What other methods made of it; POST: try one"),
-        link(f"{here}/reprocess", "reprocess", title="POST: process it again"),
     ]
+    if drive.log_deleted_at is None:
+        links += [
+            link(f"{here}/log", "enclosure", "application/octet-stream", "Its log as it was uploaded"),
+            link(f"{here}/reprocess", "reprocess", title="POST: process it again"),
+        ]
+    return links
 
 
 def removal_links(base: str) -> list[Link]:

@@ -28,7 +28,7 @@ from app.drives import claims, intake, publishing
 from app.drives.batches import enqueuing
 from app.drives.batches.removing import removing_task
 from app.drives.batches.touched import queue_touched
-from app.drives.person import removal
+from app.drives.person import removal, retention
 from app.drives.process import give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.trials.run import TRIAL
@@ -197,6 +197,11 @@ def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[
             partial(removal.look_after, sessions, context.part(EXPORTS)),
             "owners could not be removed",
             removal.LOOK_EVERY_S,
+        ),
+        (
+            partial(retention.delete_due, sessions, blobs, context.settings.keep_logs_days),
+            "logs that were kept long enough could not be deleted",
+            retention.LOOK_EVERY_S,
         ),
         (heights.piece, "heights could not be filled in", RENEW_EVERY_S),
         (

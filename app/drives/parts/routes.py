@@ -266,16 +266,17 @@ async def drive_measurements(
         200: {"description": "The file.", **_FILE},
         206: {"description": "The part of it that `Range` asks for.", **_FILE},
         304: {"description": "Unchanged since the ETag."},
-        **problems(404, 416, 503),
+        **problems(404, 410, 416, 503),
     },
 )
 def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Response:
     """The bytes as they came, under their name; of several files the zip that they are kept as.
 
-    Resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the file.
+    Resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the file. 410 where the owner keeps logs no longer.
     """
     with service.reading() as session:
         drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+    drive.require_log()
     etag, size = f'"{drive.sha256}"', drive.size_bytes
     shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
     if unchanged := not_modified(request, shared):

@@ -50,7 +50,7 @@ class Counts(BaseModel):
     """What there was of an owner, and goes."""
 
     drives: int = Field(description="With their logs, tracks, profiles and estimates.")
-    bytes: int = Field(description="Of these logs, as stored.")
+    bytes: int = Field(description="Of the logs that were kept, as stored.")
     trials: int = Field(description="Other methods that were tried on the drives.")
     keys: int = Field(description="Those revoked before included.")
     sessions: int = Field(description="Browsers that were logged in.")

@@ -26,7 +26,8 @@ _COUNT = text(f"""
            (SELECT count(*) FROM exports WHERE owner_id = :owner_id AND status <> 'cancelled') AS exports,
            (SELECT count(*) FROM webhooks WHERE owner_id = :owner_id) AS webhooks,
            (SELECT count(*) FROM owner_zones WHERE owner_id = :owner_id) AS zones
-    FROM (SELECT count(*) AS drives, CAST(coalesce(sum(size_bytes), 0) AS bigint) AS bytes FROM drives
+    FROM (SELECT count(*) AS drives,
+                 CAST(coalesce(sum(size_bytes) FILTER (WHERE {HAS_LOG}), 0) AS bigint) AS bytes FROM drives
           WHERE owner_id = :owner_id AND {IS_SHOWN.format("drives")}) AS d
 """)  # noqa: S608 - constants
 _ADD = text("""
@@ -87,7 +88,7 @@ _DUE = text(f"""
     SELECT d.id, d.blob_key
     FROM owners AS o
     CROSS JOIN LATERAL (SELECT coalesce(o.keep_logs_days, CAST(:days AS integer)) AS days) AS keep
-    JOIN drives AS d ON d.owner_id = o.id AND {HAS_LOG}
+    JOIN drives AS d ON d.owner_id = o.id AND d.{HAS_LOG}
         AND d.finished_at < now() - make_interval(days => CASE WHEN d.status = 'failed' THEN greatest(keep.days, 1)
                                                               ELSE keep.days END)
     WHERE keep.days IS NOT NULL AND d.status IN ('done', 'failed') AND NOT EXISTS (
