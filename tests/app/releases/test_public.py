@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import re
+import uuid
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -13,8 +17,13 @@ from sqlalchemy import text
 from sqlalchemy.exc import ProgrammingError
 
 from app.access.rules import ROUTES, Rule
+from app.changes.webhooks.telling import note_changes
 from app.core.caller import NOBODY, Caller, as_caller, guard
 from app.core.db import make_engine
+from app.exports.run import EXPORT
+from app.jobs.context import JobContext
+from app.jobs.requests.run import perform
+from app.jobs.task import Work
 from gate_support import Guarded, make_guarded
 from release_support import LONG, MIDDLE, Public, public
 from web_fixtures import served
@@ -53,7 +62,7 @@ class Shown:
 
 @pytest.fixture
 def shown(public: Public, request: pytest.FixtureRequest) -> Iterator[Shown]:
-    changed = {"access": "keys", **getattr(request, "param", {})}
+    changed = {"access": "keys", "webhook_private": True, **getattr(request, "param", {})}
     settings = request.getfixturevalue("settings").model_copy(update={"public_map": "releases", **changed})
     with served(settings) as web:
         guarded = make_guarded(web)
@@ -179,3 +188,36 @@ def test_no_role_of_the_api_reads_what_is_told(public: Public, caller: Caller) -
     ):
         connection.execute(text("SELECT count(*) FROM told.drive_passes"))
     engine.dispose()
+
+
+@pytest.mark.parametrize("shown", [{"owners_map": "releases"}], indirect=True)
+def test_files_and_messages_for_owners_are_of_the_edition(shown: Shown) -> None:
+    """What workers make for them is made beside the gate."""
+    context, files = JobContext(shown.guarded.web.settings, shown.public.sessions), {}
+    for caller in ("anna", "operate"):
+        made = shown.guarded.ask(caller, "POST", "/v1/exports", json={"format": "csv", "driven": True})
+        assert made.status_code == 202, made.text
+        number = made.json()["id"]
+        perform(EXPORT, context, uuid.UUID(number), Work(bool, nullcontext))
+        files[caller] = shown.get(f"/v1/exports/{number}/file", caller).text
+    told, live = (list(csv.DictReader(files[caller].splitlines())) for caller in ("anna", "operate"))
+    assert len(told) == len(driven(shown)) < len(live)
+
+    hooks = {}
+    for caller in ("anna", "operate"):
+        asked = {"url": "https://127.0.0.1:9/x", "events": ["segments.changed"]}
+        made = shown.guarded.ask(caller, "POST", "/v1/webhooks", json=asked)
+        assert made.status_code == 201, made.text
+        hooks[caller] = made.json()["id"]
+    shown.public.drive(6, STREET, 6.0)
+    written = partial(note_changes, shown.public.sessions, 0.0, owners_see_editions=True)
+    assert written() == 1
+    for owner in range(5):
+        shown.public.drive(owner, STREET, 4.0)
+    shown.public.release()
+    assert written() == 1
+    with shown.public.sessions() as session:
+        told_to = set(
+            session.execute(text("SELECT CAST(webhook_id AS text) FROM webhook_deliveries")).scalars()
+        )
+    assert told_to == set(hooks.values())
