@@ -60,6 +60,7 @@ _NEW_KEY_EXAMPLE = {"label": "bus 7", "scope": "upload", "owner": "bus fleet"}
 _SESSION_EXAMPLE: dict[str, Any] = {
     "access": "keys",
     "public_map": "off",
+    "public_owners": None,
     "login_provider": False,
     "scope": "own",
     "owner": _OWNER_EXAMPLE,
@@ -227,6 +228,10 @@ class SessionDocument(BaseModel, json_schema_extra={"examples": [_SESSION_EXAMPL
 
     access: Literal["keys", "open"] = Field(description="Whether keys are asked for.")
     public_map: PublicMap = Field(description="What of the map is answered without a key.")
+    public_owners: int | None = Field(
+        description="Owners who have to have driven a segment before it is shown without a key; null: it does not "
+        "depend on that."
+    )
     login_provider: bool = Field(description="Whether browsers can log in at a provider: `/v1/session/oidc`.")
     scope: KeyScope | None = Field(description="The caller's scope; null: it is nobody.")
     owner: OwnerName | None = Field(description="The caller's owner.")

@@ -42,6 +42,7 @@ _TABLE = {
         GET /login
         GET /map
         GET /openapi.json
+        GET /owner
         GET /problems
         GET /problems/{slug}
         GET /readyz

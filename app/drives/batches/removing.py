@@ -153,7 +153,8 @@ def remove_all(
         return last is not None
 
     do_pieces(sessions, piece, should_stop=should_stop)
-    tell(logger, "drives cancelled", drives=count, reason="their removal was asked for")
+    if count:
+        tell(logger, "drives cancelled", drives=count, reason="their removal was asked for")
     return count
 
 

@@ -47,11 +47,11 @@ def remove_owner(sessions: Sessions, exports: BlobStore, owner_id: int, name: st
             audit.note(session, origin, "owner removed", f"owner {owner_id}")
     if files is not None:
         tell(logger, "removal of an owner asked for", owner=owner_id)
-        for key in files:
-            exports.delete(key)
         try:
             _cancel_drives(sessions, owner_id)
-        except SQLAlchemyError as error:  # what is asked for is noted, and goes on
+            for key in files:
+                exports.delete(key)
+        except (SQLAlchemyError, OSError) as error:  # the removal is noted, and its receipt has to be told
             logger.warning("workers go on with the removal of owner %d: %s", owner_id, error)
     return removal_id
 
