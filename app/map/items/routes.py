@@ -144,6 +144,7 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
     with service.reading() as session:
         shown = store.page(session, item_request)
         source = attribution(_rasters(service, session, shown.features, item_request))
+        note = service.edition_note(session)
     here = f"{base}/collections/{collection.id}/items"
     links = [
         *form.links(here, item_request.pairs),
@@ -155,6 +156,7 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
     document = {
         "type": "FeatureCollection",
         "attribution": source,
+        **note,
         "height_datum": HEIGHT_DATUM,
         **({} if shown.matched is None else {"numberMatched": shown.matched}),
         "numberReturned": len(shown.features),
