@@ -120,6 +120,6 @@ def _hidden(k: int, needed: int) -> str:
         return "It shows the slope of every segment that anybody drove: it hides nobody."
     others = f" even if {needed - k} of them tell each other everything" if needed > k else ""
     return (
-        f"It shows the slope of a segment that at least {needed} owners drove, so that each is hidden among {k}{others}. "
-        "The slope changes only where so many owners contribute to the change; until then drives wait."
+        f"It shows the slope of a segment that at least {needed} owners drove, so that each is hidden among "
+        f"{k}{others}. The slope changes only where so many owners contribute to the change; until then drives wait."
     )
