@@ -69,6 +69,8 @@ SQL_PLACES = {
         "ops/admin/attention.py",
         "ops/admin/store.py",
         "ops/store.py",
+        "releases/choosing.py",
+        "releases/serving.py",
         "releases/store.py",
         "roads/copy.py",
         "roads/retired.py",

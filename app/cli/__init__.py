@@ -63,6 +63,9 @@ COMMANDS = {
     "settle": Command(
         "app.cli.imports", "Compute the slopes of the whole network anew from what the drives contributed."
     ),
+    "release": Command(
+        "app.cli.upkeep", "Make the next edition of the map for the public, which gives no owner away."
+    ),
     "repeats": Command(
         "app.cli.imports",
         "Show what repeated drives say of each other's sigmas; widen those that they contradict.",

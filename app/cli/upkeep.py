@@ -1,17 +1,17 @@
-"""``versant backup``, ``restore``, ``doctor`` and ``sweep``: what operators do to look after a service."""
+"""``versant backup``, ``restore``, ``doctor``, ``sweep`` and ``release``: what operators do to look after a service."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from app.cli.console import Console, write_json
-from app.cli.options import DATA_DIR, JSON_FILE, arg, flag
+from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
 
 if TYPE_CHECKING:
     from app.upkeep.manifest import Manifest
@@ -201,3 +201,35 @@ def sweep(
     for uri in rasters:
         typer.echo(f"{uri.rpartition('/')[2]}: this elevation raster is in no use any more and removed.")
     write_json(json_file, asdict(swept) | {"removed": swept.removed, "rasters": rasters, "exports": files})
+
+
+@app.command("release")
+def release(
+    ctx: typer.Context,
+    day: datetime | None = opt(
+        "The day of the edition; today (UTC) if not given.", "--day", formats=["%Y-%m-%d"]
+    ),
+    output: Path | None = opt("Folder that the edition's files are written to as well.", "--output"),
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
+) -> None:
+    """Make the next edition of the map for the public, which gives no owner away.
+
+    It tells a segment once VERSANT_PUBLIC_OWNERS owners, and as many more as may work together, have driven it. Workers
+    make one every VERSANT_RELEASE_DAYS days by themselves where VERSANT_PUBLIC_MAP is releases. The service goes on.
+    """
+    from app.cli.database import sessions
+    from app.releases.keeping import copy_files
+    from app.releases.run import in_words
+    from app.releases.run import release as make
+
+    console: Console = ctx.obj
+    started = time.perf_counter()
+    with sessions(data_dir) as (settings, _), console.progress() as bars:
+        of_day = None if day is None else day.date()
+        edition = make(str(settings.database_url), settings, day=of_day, progress=bars.work("edition"))
+        if output is not None:
+            copy_files(settings, edition, output)
+    seconds = time.perf_counter() - started
+    typer.echo(f"{in_words(edition)} It took {seconds:.1f} s.")
+    write_json(json_file, {**asdict(edition), "day": edition.day.isoformat(), "seconds": round(seconds, 3)})

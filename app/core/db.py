@@ -47,7 +47,7 @@ class Patience:
 
 
 def server_options(patience: Patience | None, schema: str | None = None) -> str:
-    """Options of the server for a connection. Tables that ``schema`` has are read there, all others are the live ones."""
+    """Options of the server for a connection. Tables that ``schema`` has are its own, all others the live ones."""
     options = _SERVER_OPTIONS if schema is None else f"{_SERVER_OPTIONS} -c search_path={schema},public"
     if patience is None:
         return options

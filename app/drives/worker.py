@@ -41,7 +41,10 @@ from app.map import figures
 from app.map.derived import following
 from app.network.marks import append_marks
 from app.network.publish import left_over
+from app.operations import store as operations
+from app.operations.documents import Kind
 from app.operations.run import OPERATION
+from app.releases import run as releases
 from app.roads import retired
 from app.terrain.files import add_bounds, sweep_rasters
 from app.terrain.heights import fill_heights, renewing
@@ -199,6 +202,7 @@ def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[
             "the length driven could not be noted",
             figures.NOTE_EVERY_S,
         ),
+        (partial(_release_when_due, context), "the next edition could not be asked for", RENEW_EVERY_S),
         (ledger.fold, "counters could not be added up", FOLD_AFTER_S / 4),
         (partial(_sweep, context), "unused files could not be removed", SWEEP_EVERY_S),
     ]
@@ -206,6 +210,17 @@ def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[
         failed = f"{kind.store.plural} could not be looked after"
         chores.append((partial(upkeep.look_after, kind, context), failed, RENEW_EVERY_S))
     return tuple((in_thread(chore, failed), every_s) for chore, failed, every_s in chores)
+
+
+def _release_when_due(context: JobContext) -> None:
+    """Ask for the next edition of the public's map; where there are none, let none of what was removed be in one."""
+    settings = context.settings
+    if releases.is_due(context.sessions, settings):
+        with context.sessions.begin() as session:
+            kept = settings.imports_kept_bytes
+            request = {"when_due": True}
+            operations.ask(session, kind=Kind.RELEASE, request=request, kept_bytes=kept, subject="map")
+    releases.forget_where_removed(context.sessions, settings)
 
 
 def _sweep(context: JobContext) -> None:

@@ -23,6 +23,7 @@ class Kind(StrEnum):
     SETTLE = "settle"
     LEARN_WIDENINGS = "learn-widenings"
     RESET_WIDENINGS = "reset-widenings"
+    RELEASE = "release"
 
 
 WITH_FILE = frozenset({Kind.IMPORT_ROADS, Kind.IMPORT_DEM})

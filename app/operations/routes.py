@@ -49,6 +49,7 @@ TAKEN: Mapping[Kind, frozenset[str]] = {
     Kind.SETTLE: frozenset(),
     Kind.LEARN_WIDENINGS: frozenset(),
     Kind.RESET_WIDENINGS: frozenset(),
+    Kind.RELEASE: frozenset(),
 }
 """Which parameters belong to which kind."""
 LEAST_PRIORITY, MOST_PRIORITY = -1000, 1000

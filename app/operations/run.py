@@ -25,6 +25,7 @@ from app.network.settle import settle_network
 from app.operations import store
 from app.operations.documents import Kind, Operation
 from app.operations.store import operations
+from app.releases.run import in_words, is_due, release
 from app.roads.documents import ImportCounts, Wishes, remarks, summary
 from app.roads.imports import import_roads, remove_region
 from app.roads.store import find_region
@@ -231,6 +232,19 @@ def _widen(run: Run, change: Callable[..., list[Document]]) -> Outcome:
     return Outcome({"widenings": applied, "sentence": widenings.sentence(classes)})
 
 
+def _release(run: Run) -> Outcome:
+    """One that the service asks for by itself may be late: another edition was made meanwhile."""
+    settings = run.settings
+    if run.request.request.get("when_due") and not is_due(run.sessions, settings):
+        return Outcome({"sentence": "The edition was made meanwhile."})
+    _note_state(run, begun=True)
+    with run.computing():
+        edition = release(str(settings.database_url), settings, progress=run.show)
+    return Outcome(
+        {**plain_json(asdict(edition)), "day": edition.day.isoformat(), "sentence": in_words(edition)}
+    )
+
+
 def _done(run: Run, sentence: str) -> Outcome:
     return Outcome({**(run.request.plan or {}), "sentence": sentence})
 
@@ -243,6 +257,7 @@ _WORK: dict[Kind, Callable[[Run], Outcome]] = {
     Kind.SETTLE: _settle,
     Kind.LEARN_WIDENINGS: _learn_widenings,
     Kind.RESET_WIDENINGS: _reset_widenings,
+    Kind.RELEASE: _release,
 }
 
 

@@ -10,6 +10,8 @@ from app.core.http import Link, link
 from app.map.segment import OSM_COPYRIGHT_URL, OSM_LICENSE, OSM_LICENSE_URL
 from app.releases.store import Edition, identity
 
+MANIFEST = "manifest.json"
+"""The file of an edition that names the others."""
 LATEST = "latest"
 """What stands for the number of the newest edition."""
 _EXAMPLE_FILE = {

@@ -1,16 +1,16 @@
 """The files of an edition: what any static host can serve, byte for byte the same for the same edition.
 
-Every file says which edition it is of; its one time is the edition's day. Nothing in it depends on when it was made, on
-the order in which drives came, or on numbers that a database gave out. ``manifest.json`` names the files with their
-checksums, relative to itself.
+Every file says which edition it is of, and its times are days of editions. Nothing in it depends on when it was written
+or in which order drives came. ``manifest.json`` names the files with their checksums, relative to itself.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, time
 from pathlib import Path
 from typing import Any
@@ -18,16 +18,19 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions, snapshot
+from app.core.filesystems import full_is_told
 from app.core.settings import Settings
 from app.core.text import whole_file
 from app.exports.making import Made, Request, State, make_stated, provenance, request_of
-from app.releases.documents import Figures
+from app.releases.documents import MANIFEST, Figures
+from app.releases.keeping import keep_files
 from app.releases.store import Edition, identity
 from fusion.types import Progress
 
-MANIFEST = "manifest.json"
 GENERATOR = "Versant"
 """Without its version: an update of the program alone changes no file."""
+SCRATCH = "releases"
+"""Folder of the data folder in which files are made."""
 _IN_DATABASE = {"imported_at", "version"}
 """What the origin of data has that is another in each database."""
 
@@ -59,6 +62,25 @@ class EditionFile:
     size_bytes: int
     sha256: str
     """Of its bytes, hex."""
+
+
+def publish_files(
+    live: Sessions, sessions: Sessions, edition: Edition, settings: Settings, progress: Progress
+) -> Edition:
+    """Write the files of the edition that ``sessions`` see and keep them; the edition with its files.
+
+    For one process at a time: whoever makes the edition. Those of the edition before are there until then.
+    """
+    folder = settings.data_dir / SCRATCH
+    shutil.rmtree(folder, ignore_errors=True)  # of one that was killed
+    try:
+        with full_is_told():
+            files = write_files(sessions, folder, edition, settings, progress)
+        made = replace(edition, files=[asdict(file) for file in files])
+        keep_files(settings, live, made, folder)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    return made
 
 
 def write_files(

@@ -1,11 +1,12 @@
-"""Where files of editions are kept: in the blob store, a folder for each edition, as ``write_files`` wrote it.
+"""Where files of editions are kept: in the blob store, a folder for each edition, as ``app.releases.files`` wrote it.
 
-What was removed since is still in the files of an older edition. So they go when the next one is there, unless
-``VERSANT_EDITIONS_KEPT`` keeps some.
+What was removed since is still in the files of an older edition. So they go when those of the next one are there,
+unless ``VERSANT_EDITIONS_KEPT`` keeps some.
 """
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,51 +14,76 @@ from app.core.blobs import EDITIONS, BlobStore
 from app.core.databases import database_identity
 from app.core.db import Sessions
 from app.core.settings import Settings
+from app.core.text import whole_file
 from app.releases import store
-from app.releases.files import MANIFEST
+from app.releases.documents import MANIFEST
 from app.releases.store import Edition
 
 BLOCK_BYTES = 4 * 2**20
 """What one download holds of a bucket's file."""
 
 
-def keep_files(settings: Settings, edition: Edition, folder: Path) -> None:
-    """Keep the files of an edition (``Edition.files``), which are in ``folder``, under ``folder_key``.
+def keep_files(settings: Settings, sessions: Sessions, edition: Edition, folder: Path) -> None:
+    """Keep the files that the edition names, which are in ``folder``; then those of older editions go.
 
-    ``StorageFullError`` where there is no room; what was kept of it until then is removed.
+    ``StorageFullError`` where there is no room; nothing of them is kept then.
     """
-    blobs = BlobStore(settings.blob_store_url, EDITIONS)
-    key = folder_key(edition)
+    blobs, key = _blobs(settings), folder_key(edition)
     try:
         for file in edition.files:
             blobs.take(f"{key}/{file['name']}", folder / file["name"])
+        with sessions.begin() as session:
+            # Before the edition refers to them: another database's release must not take them for left over.
+            blobs.register_database(database_identity(session))
+            store.name_files(session, edition)
     except BaseException:
         blobs.delete_folder(key)
         raise
+    _drop_others(settings, sessions)
 
 
-def drop_old_files(settings: Settings, sessions: Sessions) -> list[int]:
-    """Remove the files of all editions but the newest, ``editions_kept`` of them; the numbers of those that had any.
+def _drop_others(settings: Settings, sessions: Sessions) -> None:
+    """Remove the files of all editions but the newest, and what a release that was killed left.
 
-    What a release that was killed left goes as well, unless another database uses the store.
+    That may be another database's where others use the store: then it stays.
     """
-    blobs = BlobStore(settings.blob_store_url, EDITIONS)
+    blobs = _blobs(settings)
     with sessions.begin() as session:
         identity = database_identity(session)
-        blobs.register_database(identity)
         dropped = store.forget_files(session, keep=settings.editions_kept)
         kept = {folder_key(one) for one in store.list_editions(session) if one.files}
-    for edition in dropped:
-        blobs.delete_folder(folder_key(edition))
+    drop_files(settings, dropped)
     if not set(blobs.databases()) - {identity}:
         for key in set(blobs.keys()) - kept:
             blobs.delete_folder(key)
-    return [edition.number for edition in dropped]
+
+
+def drop_files(settings: Settings, editions: list[Edition]) -> None:
+    """Remove the files that these editions name."""
+    blobs = _blobs(settings)
+    for edition in editions:
+        if edition.files:
+            blobs.delete_folder(folder_key(edition))
 
 
 def open_file(settings: Settings, edition: Edition, name: str) -> BinaryIO:
     """A file of an edition; ``FileNotFoundError`` where it is not kept."""
-    return BlobStore(settings.blob_store_url, EDITIONS).open(f"{folder_key(edition)}/{name}", BLOCK_BYTES)
+    return _blobs(settings).open(f"{folder_key(edition)}/{name}", BLOCK_BYTES)
+
+
+def copy_files(settings: Settings, edition: Edition, folder: Path) -> None:
+    """Write the files of an edition into ``folder``, which is made where it is missing, the manifest last.
+
+    ``FileNotFoundError`` where they are not kept.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for file in edition.files:
+        with (
+            whole_file(folder / file["name"]) as partial,
+            open_file(settings, edition, file["name"]) as source,
+            partial.open("wb") as target,
+        ):
+            shutil.copyfileobj(source, target, BLOCK_BYTES)
 
 
 def folder_key(edition: Edition) -> str:
@@ -67,3 +93,7 @@ def folder_key(edition: Edition) -> str:
     """
     sha256 = next(file["sha256"] for file in edition.files if file["name"] == MANIFEST)
     return f"{EDITIONS}/{edition.number}-{sha256[:12]}"
+
+
+def _blobs(settings: Settings) -> BlobStore:
+    return BlobStore(settings.blob_store_url, EDITIONS)

@@ -9,10 +9,9 @@ from pydantic import BaseModel, Field
 from app.core.http import Link, link
 from app.core.settings import Settings
 from app.core.settings.access import PublicMap
+from app.releases import ends
 from app.releases.documents import EXAMPLE_FIGURES, Figures
 from app.releases.store import Edition
-
-NEAREST_M, FARTHEST_M, LONG_STOP_S = 150, 400, 120
 
 Who = Literal["nobody", "upload", "own", "operate"]
 
@@ -75,8 +74,8 @@ def privacy_of(settings: Settings, edition: Edition | None, base: str) -> Privac
         owners=settings.public_owners if released else None,
         owners_needed=settings.owners_needed if released else None,
         days_between_editions=settings.release_days if released else None,
-        trip_ends_m=(NEAREST_M, FARTHEST_M) if released else None,
-        stops_over_s=LONG_STOP_S if released else None,
+        trip_ends_m=(round(ends.NEAREST_M), round(ends.FARTHEST_M)) if released else None,
+        stops_over_s=round(ends.STOP_S) if released else None,
         edition=None if edition is None or not released else Figures.of(edition),
         seen=_seen(settings),
         text=_of_editions(settings) if released else [],
@@ -109,8 +108,8 @@ def _of_editions(settings: Settings) -> list[str]:
         f"An edition is made every {settings.release_days} days, and is computed from what may be told alone.",
         _hidden(settings.public_owners, settings.owners_needed),
         "It counts drives in steps, and tells no time but its day.",
-        f"The ends of trips, and stops of more than {LONG_STOP_S // 60} minutes, are in no edition, as far as "
-        f"{NEAREST_M} to {FARTHEST_M} m around; owners can name further places.",
+        f"The ends of trips, and stops of more than {ends.STOP_S / 60:.0f} minutes, are in no edition, as far as "
+        f"{ends.NEAREST_M:.0f} to {ends.FARTHEST_M:.0f} m around; owners can name further places.",
         "A drive that is removed is in no edition that is made after that. Whoever kept an earlier one still has it.",
     ]
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from datetime import date
-from typing import Any
 
 from sqlalchemy import text
 
@@ -21,7 +19,6 @@ _ADD = text("""
     SELECT :number, :day, 3, 5, count(*), coalesce(sum(s.length_m), 0), 0.31, 0.27
     FROM edition.segment_slopes AS a JOIN segments AS s ON s.id = a.segment_id WHERE a.drives > 0
 """)
-_NAME_FILES = text("UPDATE editions SET files = CAST(:files AS jsonb) WHERE number = :number")
 
 
 def add_edition(sessions: Sessions, number: int, day: date = DAY) -> Edition:
@@ -41,12 +38,3 @@ def add_edition(sessions: Sessions, number: int, day: date = DAY) -> Edition:
 def edition_sessions(settings: Settings) -> Sessions:
     """Sessions that read the edition."""
     return session_factory(make_engine(str(settings.database_url), schema=EDITION))
-
-
-def name_files(sessions: Sessions, number: int, files: list[dict[str, Any]]) -> Edition:
-    """Let the edition have these files; the edition."""
-    with sessions.begin() as session:
-        session.execute(_NAME_FILES, {"number": number, "files": json.dumps(files)})
-        edition = get_edition(session, number)
-    assert edition is not None
-    return edition

@@ -6,7 +6,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import asdict
 from datetime import date
 from pathlib import Path
 
@@ -16,11 +15,11 @@ from pmtiles.reader import Reader, all_tiles
 
 from app.core.blobs import EDITIONS, BlobStore
 from app.core.settings import Settings
-from app.releases.files import write_files
-from app.releases.keeping import drop_old_files, folder_key, keep_files
+from app.releases.files import publish_files
+from app.releases.keeping import copy_files, folder_key, keep_files
 from app.releases.privacy import privacy_of
 from app.releases.store import Edition, list_editions
-from edition_support import add_edition, edition_sessions, name_files
+from edition_support import add_edition, edition_sessions
 from fusion.types import no_progress
 from gate_support import Guarded, make_guarded
 from web_fixtures import Web, add_drive, fill_roads, served
@@ -40,14 +39,12 @@ def released(settings: Settings) -> Iterator[Guarded]:
 
 
 def make_edition(web: Web, number: int, folder: Path) -> Edition:
-    """The next edition with its files, as a release makes it."""
+    """The next edition with its files, as a release makes it, and these in a folder."""
     edition = add_edition(web.sessions, number, date(2026, 11, 6 + 7 * number))
     sessions = edition_sessions(web.settings)
-    files = [asdict(one) for one in write_files(sessions, folder, edition, web.settings, no_progress)]
+    edition = publish_files(web.sessions, sessions, edition, web.settings, no_progress)
     sessions.kw["bind"].dispose()
-    edition = name_files(web.sessions, number, files)
-    keep_files(web.settings, edition, folder)
-    drop_old_files(web.settings, web.sessions)
+    copy_files(web.settings, edition, folder)
     return edition
 
 
@@ -156,7 +153,7 @@ def test_what_cannot_be_kept_leaves_nothing(released: Guarded, tmp_path: Path) -
     blobs.delete_folder(folder_key(edition))
     (tmp_path / "slopes.gpkg").unlink()
     with pytest.raises(FileNotFoundError):
-        keep_files(released.web.settings, edition, tmp_path)
+        keep_files(released.web.settings, released.web.sessions, edition, tmp_path)
     assert blobs.keys() == []
 
 

@@ -1,0 +1,114 @@
+"""Makes an edition: examines, tells, solves, serves. Whatever is broken off, the next one goes on from there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from datetime import UTC, date, datetime, timedelta
+
+from app.changes.store import begin_epoch
+from app.core.caller import EDITION, TOLD
+from app.core.db import Sessions, make_engine, session_factory
+from app.core.settings import Settings
+from app.map.derived.following import follow_all
+from app.network.locks import releasing_alone
+from app.network.swap import solve_all_marked
+from app.releases import serving, store
+from app.releases.files import publish_files
+from app.releases.keeping import drop_files
+from app.releases.store import Edition
+from app.releases.telling import examine, tell
+from fusion.errors import FusionError
+from fusion.types import Progress, no_progress
+
+
+class BusyReleaseError(FusionError):
+    """Another edition is being made just now."""
+
+    kind = "release-under-way"
+
+
+def today() -> date:
+    """The day that it is (UTC)."""
+    return datetime.now(UTC).date()
+
+
+def release(
+    url: str, settings: Settings, *, day: date | None = None, progress: Progress = no_progress
+) -> Edition:
+    """Make the next edition, of today or of ``day``, and serve it.
+
+    Raises ``BusyReleaseError`` where another is being made.
+    """
+    with _sessions(url) as (live, told, edition), releasing_alone(live) as alone:
+        if not alone:
+            raise BusyReleaseError("An edition is being made just now. Ask again when it is done.")
+        needed = settings.owners_needed
+        examine(live, progress)
+        tell(live, needed, progress)
+        solve_all_marked(told, progress)
+        progress("serving", 0.0)
+        begin_epoch(edition)
+        with edition.begin() as session:
+            of_day = day or today()
+            serving.serve(session, needed, of_day)
+            number = serving.add_edition(
+                session, day=of_day, owners=settings.public_owners, owners_needed=needed
+            )
+        follow_all(edition)
+        progress("serving", 1.0)
+        with live() as session:
+            made = store.get_edition(session, number)
+        assert made is not None  # noqa: S101 - it was just added, and nobody else adds or takes away
+        return publish_files(live, edition, made, settings, progress)
+
+
+def is_due(sessions: Sessions, settings: Settings) -> bool:
+    """Whether the public is to have another edition by now."""
+    if settings.shown_map != "releases":
+        return False
+    with sessions() as session:
+        latest = store.latest_edition(session)
+    return latest is None or today() >= latest.day + timedelta(days=settings.release_days)
+
+
+def in_words(edition: Edition) -> str:
+    """An edition in one sentence."""
+    withheld = edition.withheld_length_share
+    kept_back = "" if withheld is None else f"; {withheld:.0%} of the driven length waits for more owners"
+    return (
+        f"Edition {edition.number} of {edition.day.isoformat()} tells {edition.segments} segments, "
+        f"{edition.length_m / 1000:.1f} km, each driven by {edition.owners_needed} owners or more{kept_back}."
+    )
+
+
+def forget_where_removed(sessions: Sessions, settings: Settings) -> bool:
+    """Where the public reads no editions, keep nothing of them once a drive is removed that was told."""
+    if settings.shown_map == "releases":
+        return False
+    with sessions() as session:
+        removed = serving.any_removed(session)
+    return removed and forget(sessions, settings)
+
+
+def forget(sessions: Sessions, settings: Settings) -> bool:
+    """Keep nothing of editions: the service makes none. Whether there was anything."""
+    with releasing_alone(sessions) as alone:
+        if not alone:
+            return False
+        with sessions.begin() as session:
+            editions = store.list_editions(session)
+            forgotten = serving.forget_all(session)
+        drop_files(settings, editions)
+        return forgotten
+
+
+@contextmanager
+def _sessions(url: str) -> Iterator[tuple[Sessions, Sessions, Sessions]]:
+    """Of the live tables, of what is told, of what is served."""
+    with ExitStack() as stack:
+        engines = [make_engine(url, background=True, schema=schema) for schema in (None, TOLD, EDITION)]
+        for engine in engines:
+            stack.callback(engine.dispose)
+        live, told, edition = map(session_factory, engines)
+        yield live, told, edition

@@ -1,0 +1,148 @@
+"""Chooses what may be told, and tells it: from the live passes to those of the schema ``told``.
+
+A segment is told when as many distinct owners as are needed contribute to what would change there; until then its
+passes wait, and it stays as it was told. So whoever compares two editions sees what several owners did together. What
+was removed since, or lies in a zone that was drawn since, is taken back at once; where too few owners are left, the
+segment is unknown again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import uuid
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from app.core.db import Sessions
+from app.network.marks import append_marks
+from app.network.passes import replace_passes
+from app.releases import choosing, store
+from app.releases.ends import (
+    FARTHEST_M,
+    NEAREST_M,
+    SAME_PLACE_M,
+    Circle,
+    Driven,
+    Timed,
+    apart,
+    distance_m,
+    ends_of,
+    hidden,
+    near,
+)
+from app.releases.store import ToExamine
+from fusion.network.pass_factor import PassFactor
+from fusion.types import Floats, Progress, no_progress
+
+DRIVES_AT_ONCE = 50
+_NO_EPOCHS = np.empty(0)
+
+
+class Places:
+    """The places of owners, each with the radius that was drawn for it once."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._secret = store.secret(session)
+        self._of: dict[int, list[Circle]] = {}
+        for owner_id, circle in store.places(session):
+            self._of.setdefault(owner_id, []).append(circle)
+
+    def circle(self, owner_id: int, lon_deg: float, lat_deg: float) -> Circle:
+        """Around the owner's place that this is, or a new one."""
+        mine = self._of.setdefault(owner_id, [])
+        known = [(distance_m(lon_deg, lat_deg, c.lon_deg, c.lat_deg), k) for k, c in enumerate(mine)]
+        if known and min(known)[0] <= SAME_PLACE_M:
+            return mine[min(known)[1]]
+        name = f"{owner_id} {lon_deg:.5f} {lat_deg:.5f}".encode()
+        drawn = int.from_bytes(hmac.digest(self._secret, name, hashlib.sha256)[:8])
+        circle = Circle(lon_deg, lat_deg, NEAREST_M + (FARTHEST_M - NEAREST_M) * drawn / 2**64)
+        store.add_place(self._session, owner_id, circle)
+        mine.append(circle)
+        return circle
+
+
+class Junctions:
+    """How many segments meet at nodes, as far as that was asked for."""
+
+    def __init__(self) -> None:
+        self._seen: set[int] = set()
+        self._roads_at: dict[int, int] = {}
+
+    def at(self, session: Session, segment_ids: set[int]) -> dict[int, int]:
+        """At all nodes of these segments and of former ones."""
+        if new := segment_ids - self._seen:
+            self._seen |= new
+            self._roads_at |= store.roads_at(session, sorted(new))
+        return self._roads_at
+
+
+def examine(sessions: Sessions, progress: Progress = no_progress) -> int:
+    """Find which passes of new and changed drives lie at ends of trips or in zones; how many drives were looked at."""
+    with sessions() as session:
+        waiting = store.to_examine(session)
+    junctions = Junctions()
+    for first in range(0, len(waiting), DRIVES_AT_ONCE):
+        progress("ends of trips", first / len(waiting))
+        with sessions.begin() as session:
+            _examine_some(session, waiting[first : first + DRIVES_AT_ONCE], junctions)
+    progress("ends of trips", 1.0)
+    return len(waiting)
+
+
+def _examine_some(session: Session, drives: Sequence[ToExamine], junctions: Junctions) -> None:
+    places, zones = Places(session), store.zones(session)
+    ids = [one.drive_id for one in drives]
+    tracks, driven = store.tracks(session, ids), store.driven(session, ids)
+    circles = {
+        one.drive_id: [
+            *(places.circle(one.owner_id, *end) for end in apart(_ends(one, tracks, driven[one.drive_id]))),
+            *zones.get(one.owner_id, ()),
+        ]
+        for one in drives
+        if one.drive_id in driven
+    }
+    about = {segment for name, around in circles.items() for segment in near(driven[name], around)}
+    roads_at = junctions.at(session, about)
+    for one in drives:
+        if one.drive_id in circles:
+            out = hidden(driven[one.drive_id], circles[one.drive_id], roads_at)
+            store.note_examined(session, one, out.tolist())
+
+
+def _ends(one: ToExamine, tracks: Mapping[uuid.UUID, Timed], driven: Driven) -> Floats:
+    track = tracks.get(one.drive_id)
+    ends = ends_of(track) if track is not None else driven.ends()
+    return ends if len(ends) else driven.ends()
+
+
+def tell(sessions: Sessions, owners_needed: int, progress: Progress = no_progress) -> int:
+    """Bring what is told up to date and mark it to be solved, in one transaction; how many segments changed."""
+    with sessions.begin() as session:
+        progress("choosing", 0.0)
+        choosing.choose(session, owners_needed)
+        affected, touched = choosing.affected_drives(session), choosing.changed_segments(session)
+        choosing.read_told(session)
+        for first in range(0, len(affected), DRIVES_AT_ONCE):
+            progress("telling", first / len(affected))
+            _replace(session, affected[first : first + DRIVES_AT_ONCE])
+        choosing.forget_drives(session)
+        append_marks(session, touched)
+    progress("telling", 1.0)
+    return len(touched)
+
+
+def _replace(session: Session, drives: Sequence[uuid.UUID]) -> None:
+    """Let what is told of these drives be what was chosen, in the order of driving."""
+    chosen = {
+        drive_id: [tuple(row[1:]) for row in rows]
+        for drive_id, rows in groupby(choosing.chosen_passes(session, drives), key=lambda row: row[0])
+    }
+    for drive_id in drives:
+        # Numbered anew: passes of two runs of a drive may have the same numbers.
+        rows = [(factor, segment, k) for k, (segment, factor) in enumerate(chosen.get(drive_id, ()))]
+        replace_passes(session, drive_id, PassFactor.decode_all(rows) if rows else [], _NO_EPOCHS)
