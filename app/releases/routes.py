@@ -63,10 +63,10 @@ def get_edition(number: Number, service: ServiceDep, base: BaseUrl) -> documents
 def get_file(number: Number, name: str, request: Request, service: ServiceDep) -> Response:
     """The bytes as they were made, resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the whole file.
 
-    `manifest.json` names the others with their checksums. `latest/...` changes with the next edition;
-    `Content-Location` says which one it is.
+    `manifest.json` names the others with their checksums. `latest` is the newest edition whose files are written;
+    `Content-Location` says which one that is.
     """
-    edition = _edition(service, number)
+    edition = _edition(service, number, with_files=True)
     named = next((file for file in edition.files if file["name"] == name), None)
     file = existing(named, f"file of edition {edition.number} called", name[:80])
     stored = Stored(file["sha256"], int(file["size_bytes"]), file["media_type"])
@@ -90,11 +90,13 @@ def get_privacy(service: ServiceDep, base: BaseUrl) -> Privacy:
         return privacy_of(service.settings, store.latest_edition(session), base)
 
 
-def _edition(service: Service, number: int | Literal["latest"]) -> Edition:
+def _edition(service: Service, number: int | Literal["latest"], *, with_files: bool = False) -> Edition:
+    """``with_files``: the newest is the newest that has any."""
     with service.reading() as session:
-        if number != documents.LATEST:
+        if number == documents.LATEST:
+            known = (one for one in store.list_editions(session) if one.files or not with_files)
+            edition = next(known, None)
+        else:
             edition = store.get_edition(session, int(number))
-        elif (edition := store.latest_edition(session)) is None:
-            raise NotFoundError("There is no edition yet. `versant release` makes one.")
     found: Edition = existing(edition, "edition", number)
     return found

@@ -118,6 +118,14 @@ def test_what_older_editions_had_goes_with_the_next_one(released: Guarded, tmp_p
     assert not blobs.exists(f"{folder_key(first)}/manifest.json")
 
 
+def test_the_files_before_are_there_until_the_new_ones_are(released: Guarded, tmp_path: Path) -> None:
+    make_edition(released.web, 1, tmp_path)
+    add_edition(released.web.sessions, 2)
+    assert released.ask(None, "GET", "/v1/editions/latest").json()["number"] == 2
+    answer = released.ask(None, "GET", "/v1/editions/latest/manifest.json")
+    assert (answer.status_code, answer.json()["number"]) == (200, 1)
+
+
 def test_as_many_editions_keep_their_files_as_the_setting_says(released: Guarded, tmp_path: Path) -> None:
     web = released.web
     web.settings = web.settings.model_copy(update={"editions_kept": 2})
