@@ -10,7 +10,7 @@ from pydantic import AwareDatetime, BaseModel, Field, StringConstraints
 
 from app.access import store
 from app.access.quotas import Standing
-from app.core.settings.access import QUOTA_MOST
+from app.core.settings.access import QUOTA_MOST, PublicMap
 
 Name = Annotated[
     str,
@@ -192,7 +192,7 @@ class SessionDocument(BaseModel, json_schema_extra={"examples": [_SESSION_EXAMPL
     """Who the caller is, and what is to be had without a key."""
 
     access: Literal["keys", "open"] = Field(description="Whether keys are asked for.")
-    public_map: Literal["live", "off"] = Field(description="What of the map is answered without a key.")
+    public_map: PublicMap = Field(description="What of the map is answered without a key.")
     login_provider: bool = Field(description="Whether browsers can log in at a provider: `/v1/session/oidc`.")
     scope: KeyScope | None = Field(description="The caller's scope; null: it is nobody.")
     owner: OwnerName | None = Field(description="The caller's owner.")

@@ -123,9 +123,8 @@ class Gate:
         # Of whom what is seen of the map is an edition. Operators see it as it is now.
         self._see_editions: frozenset[CallerScope] = frozenset()
         if settings.shown_map == "releases":
-            self._see_editions = frozenset(
-                ("nobody",) if settings.owners_map == "live" else ("nobody", "upload", "own")
-            )
+            owners: tuple[CallerScope, ...] = ("upload", "own") if settings.owners_see_editions else ()
+            self._see_editions = frozenset(("nobody", *owners))
         self._rules = Rules(routes)
         self._proxy = Proxy.of(settings)
         # What an upload still sends is read for a while, so that its client reads the refusal.

@@ -19,6 +19,11 @@ from app.embedded.cluster import EmbeddedPostgres
 from fusion.errors import FusionError
 
 READY_TIMEOUT_S = 60.0  # from the start of the API to its first answer that it is ready
+SEEN_WITHOUT_KEY = {
+    "live": "the map is seen without one",
+    "off": "nothing is seen without one",
+    "releases": "editions of the map are seen without one",
+}
 _DATABASE_LOOK_EVERY_S = 1.0
 
 
@@ -130,5 +135,5 @@ def reach(settings: Settings) -> str:
             "Only this machine can reach it; commands find its key in the data folder. `versant up --host` changes "
             "that."
         )
-    seen = "the map is seen without one" if settings.shown_map == "live" else "nothing is seen without one"
+    seen = SEEN_WITHOUT_KEY[settings.shown_map]
     return f"It listens on {where} and asks for a key (`versant keys create`): {seen}."

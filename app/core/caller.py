@@ -103,6 +103,11 @@ def as_caller(caller: Caller) -> Iterator[None]:
         _present.reset(token)
 
 
+def read_edition(session: Session) -> None:
+    """In what is left of the session's transaction read the map of the last edition."""
+    session.execute(text(_READ_EDITION))
+
+
 @contextmanager
 def seeing_all(session: Session) -> Iterator[None]:
     """In the session's transaction, see what every owner has: a limit of the service is one of all of them together.

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from app.core.blobs import EXPORTS, StoredBlob
+from app.core.caller import OPERATOR_OWNER, read_edition
 from app.core.databases import database_identity
 from app.core.db import plain_json, snapshot
 from app.core.errors import ServiceError
@@ -56,6 +57,8 @@ def _make_export(run: RequestRun[Export]) -> str:
     show_share = partial(run.show, None)
     with run.computing():
         with snapshot(run.sessions) as session:
+            if run.settings.owners_see_editions and store.owner_of(session, export.id) != OPERATOR_OWNER:
+                read_edition(session)
             run.note(data_version=data_state(session).version)
             output = _in_room(run, lambda: make_file(session, run.settings, request, path, show_share))
         size_bytes, most_bytes = path.stat().st_size, run.settings.exports_max_bytes

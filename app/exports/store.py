@@ -25,6 +25,7 @@ exports = RequestStore(
     "export", tables.Export, Export.of, MAKE_EXPORT, "exports", on_claim={"data_version": None}
 )
 
+_OWNER = text("SELECT owner_id FROM exports WHERE id = :id")
 # Among those of the caller's owner: that somebody else has asked for the same is not to be told, and who removes an
 # export removes none of somebody else's. One that waits will see the data of when it begins, which are no older than
 # those of now.
@@ -67,6 +68,11 @@ _REMOVE = text("""
         WHERE together > :max_bytes)
     RETURNING blob_key
 """)
+
+
+def owner_of(session: Session, export_id: uuid.UUID) -> int:
+    """Whose the export is."""
+    return int(session.execute(_OWNER, {"id": export_id}).scalar_one())
 
 
 def ask(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, date, datetime, timedelta
 
-from app.changes.store import begin_epoch
+from app.changes.store import begin_epoch, prune
 from app.core.caller import EDITION, TOLD
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
@@ -56,6 +56,7 @@ def release(
                 session, day=of_day, owners=settings.public_owners, owners_needed=needed
             )
         follow_all(edition)
+        prune(edition, settings.changes_kept_days)
         progress("serving", 1.0)
         with live() as session:
             made = store.get_edition(session, number)

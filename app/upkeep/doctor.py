@@ -107,7 +107,9 @@ def _access(patient: Patient) -> Iterator[Finding]:
         state, advice = "ok", ""
         finding = f"The API listens on {host}, for this machine alone, and asks for no keys."
     else:
-        shown = "the map" if settings.shown_map == "live" else "nothing of the map"
+        shown = {"live": "the map", "off": "nothing of the map", "releases": "editions of the map"}[
+            settings.shown_map
+        ]
         state, advice = "ok", ""
         finding = f"The API listens on {host} and asks for keys; who shows none sees {shown}."
     yield Finding("access", state, finding, advice)

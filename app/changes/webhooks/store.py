@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.caller import seeing_all
+from app.core.caller import OPERATOR_OWNER, seeing_all
 from app.core.db import plain_json
 
 SEGMENTS_CHANGED, DRIVE_DONE, DRIVE_FAILED = "segments.changed", "drive.done", "drive.failed"
@@ -111,7 +111,8 @@ _ADD_MESSAGE = text("""
 # One message about segments waits at a time, and says all that came until it was written.
 _FOLLOWERS = text(f"""
     SELECT {_COLUMNS} FROM webhooks AS w
-    WHERE w.active AND w.reported_version IS NOT NULL AND NOT EXISTS (
+    WHERE w.active AND w.reported_version IS NOT NULL
+        AND coalesce((w.owner_id <> {OPERATOR_OWNER}) = CAST(:of_owners AS boolean), true) AND NOT EXISTS (
         SELECT FROM webhook_deliveries AS d WHERE d.webhook_id = w.id AND d.event = '{SEGMENTS_CHANGED}'
             AND (d.state = 'waiting' OR d.created_at > clock_timestamp() - make_interval(secs => :every_s)))
     ORDER BY w.id FOR NO KEY UPDATE OF w SKIP LOCKED
@@ -253,9 +254,13 @@ def add_message(session: Session, webhook_id: uuid.UUID, event: str, data: Mappi
     return added
 
 
-def followers(session: Session, every_s: float) -> list[WebhookRow]:
-    """Those who are to be told of segments and wait for no such message; their rows are held."""
-    return [WebhookRow(*row) for row in session.execute(_FOLLOWERS, {"every_s": every_s})]
+def followers(session: Session, every_s: float, of_owners: bool | None = None) -> list[WebhookRow]:
+    """Those who are to be told of segments and wait for no such message; their rows are held.
+
+    ``of_owners``: those of operators alone (False), or all others (True).
+    """
+    values = {"every_s": every_s, "of_owners": of_owners}
+    return [WebhookRow(*row) for row in session.execute(_FOLLOWERS, values)]
 
 
 def set_reported_version(session: Session, webhook_id: uuid.UUID, version: str) -> None:

@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from app.changes.store import Since, State, count_since, parse_since, state, text_of
 from app.changes.webhooks import sending, store
 from app.changes.webhooks.store import SEGMENTS_CHANGED, Due, WebhookRow
+from app.core.caller import read_edition
 from app.core.db import Sessions
 from app.core.errors import BadQueryError, GoneError
 from app.core.settings import Settings
@@ -51,7 +52,7 @@ class Teller:
         with self._sessions() as session:
             if not store.count_webhooks(session):
                 return
-        note_changes(self._sessions, EVERY_S)
+        note_changes(self._sessions, EVERY_S, owners_see_editions=self._settings.owners_see_editions)
         while not self._ended.is_set() and self._free.acquire(blocking=False):
             due = None
             try:
@@ -85,16 +86,22 @@ class Teller:
             self._free.release()
 
 
-def note_changes(sessions: Sessions, every_s: float) -> int:
-    """Write a message to each address that follows segments, where any changed; how many."""
+def note_changes(sessions: Sessions, every_s: float, *, owners_see_editions: bool = False) -> int:
+    """Write a message to each address that follows segments, where any changed; how many.
+
+    ``owners_see_editions``: those of owners are told of changes of editions, those of operators of the live map's.
+    """
     written = 0
-    with sessions.begin() as session:
-        now = state(session)
-        for webhook in store.followers(session, every_s):
-            data = _told_of(session, now, webhook)
-            if data is not None:
-                store.add_message(session, webhook.id, SEGMENTS_CHANGED, data)
-                written += 1
+    for of_owners in (False, True) if owners_see_editions else (None,):
+        with sessions.begin() as session:
+            if of_owners:
+                read_edition(session)
+            now = state(session)
+            for webhook in store.followers(session, every_s, of_owners):
+                data = _told_of(session, now, webhook)
+                if data is not None:
+                    store.add_message(session, webhook.id, SEGMENTS_CHANGED, data)
+                    written += 1
     return written
 
 

@@ -244,6 +244,11 @@ class Settings(Access):
         return self.public_owners + colluders
 
     @property
+    def owners_see_editions(self) -> bool:
+        """Whether owners, too, see of the map what the public sees."""
+        return self.shown_map == "releases" and self.owners_map == "releases"
+
+    @property
     def origins(self) -> tuple[str, ...]:
         """Those in ``cors_origins``."""
         return listed(self.cors_origins)

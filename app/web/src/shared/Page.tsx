@@ -82,7 +82,7 @@ export function Page({ name, filled = false, children }: PageProps) {
 
 /** Whether nobody sees the page: the map is shown to nobody where the service says so. */
 function asksForKey(name: PageName): boolean {
-  const seen = OPEN.includes(name) || (name === "map" && session()?.public_map === "live");
+  const seen = OPEN.includes(name) || (name === "map" && (session()?.public_map ?? "off") !== "off");
   return isNobody() && !seen;
 }
 
