@@ -70,7 +70,7 @@ def privacy_of(settings: Settings, edition: Edition | None, base: str) -> Privac
     return Privacy(
         access=settings.access,
         public_map=settings.shown_map,
-        owners_map=settings.owners_map if released else "live",
+        owners_map="releases" if settings.owners_see_editions else "live",
         owners=settings.public_owners if released else None,
         owners_needed=settings.owners_needed if released else None,
         days_between_editions=settings.release_days if released else None,
@@ -91,8 +91,7 @@ def _seen(settings: Settings) -> list[Seen]:
         "off": "Nothing of the map and nothing of drives.",
         "releases": f"{_EDITION.capitalize()}, and nothing of drives.",
     }[settings.shown_map]
-    released = settings.shown_map == "releases"
-    owners = _EDITION if released and settings.owners_map == "releases" else _LIVE
+    owners = _EDITION if settings.owners_see_editions else _LIVE
     return [
         Seen(by="nobody", text=without_key),
         Seen(

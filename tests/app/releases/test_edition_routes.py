@@ -180,8 +180,10 @@ def test_documents_say_which_edition_they_are_of(released: Guarded, tmp_path: Pa
         f"/v1/segments/{segment}",
     )
     for address in addresses:
-        assert released.ask(None, "GET", address).json()["edition"] == told, address
-        assert "edition" not in released.ask("operate", "GET", address).json(), address
+        for caller in (None, "anna upload"):
+            assert released.ask(caller, "GET", address).json()["edition"] == told, address
+        for caller in ("anna", "operate"):
+            assert "edition" not in released.ask(caller, "GET", address).json(), address
     assert released.ask(None, "GET", "/style.json").json()["metadata"]["versant:edition"] == told
 
 
