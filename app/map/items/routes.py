@@ -188,13 +188,14 @@ def item_answer(
     shape = parse_item(collection, pairs)
     with service.reading() as session:
         text = existing(store.one(session, collection, item_id, shape), f"item of {collection.id}", item_id)
+        note = service.edition_note(session)
     up = f"{base}/collections/{collection.id}"
     links = [*form.links(f"{up}/items/{item_id}", pairs), link(up, "collection", title=collection.title)]
     if collection.follows_changes:
         behind = f"{base}/v1/segments/{item_id}/observations"
         links.append(link(behind, "observations", title="The drives behind it"))
     if not form.html:
-        body = f'{text[:-1]},"links":{dumps(link_documents(links))}}}'
+        body = f"{text[:-1]},{dumps({**note, 'links': link_documents(links)})[1:]}"
         return pages.answered(request, body, form.media_type, links=links, headers=_content_crs(shape.crs))
     return pages.page_answer(
         request,

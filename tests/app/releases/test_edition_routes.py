@@ -177,6 +177,7 @@ def test_documents_say_which_edition_they_are_of(released: Guarded, tmp_path: Pa
         "/collections/segments",
         "/collections/ways",
         "/collections/segments/items?limit=1",
+        f"/collections/segments/items/{segment}",
         f"/v1/segments/{segment}",
     )
     for address in addresses:
