@@ -51,6 +51,7 @@ _TABLE = {
         GET /tileMatrixSets/WebMercatorQuad
         GET /upload
         GET /v1/methods
+        GET /v1/privacy
         GET /v1/session
         GET /v1/session/oidc
         GET /v1/session/oidc/done
@@ -92,6 +93,9 @@ _TABLE = {
         GET /tiles/{z}/{x}/{y}.pbf
         GET /v1/changes
         GET /v1/changes/events
+        GET /v1/editions
+        GET /v1/editions/{number}
+        GET /v1/editions/{number}/{name}
         GET /v1/elevation
         GET /v1/exports/formats
         GET /v1/regions
