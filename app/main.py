@@ -66,6 +66,8 @@ from app.operations import sources
 from app.ops import health, metrics, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
+from app.releases import routes as releases
+from app.releases.store import edition_note
 from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -91,6 +93,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     heights.router,
     tiles.ogc_router,
     exports.router,
+    releases.router,
     sources.router,
     operations.router,
     style.router,
@@ -122,6 +125,7 @@ TAGS = {
     "tiles": "Map tiles.",
     "heights": "Heights of the road at places, as other services give them of the ground.",
     "exports": "The map, or a part of it, as files.",
+    "editions": "Editions of the map for the public, and what the service shows to whom.",
     "operation": "Health, metrics, figures and long work of operators, kinds of problems.",
 }
 FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")
@@ -207,6 +211,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.request_classes,
         session_factory(probing),
         CapacityLimiter(2),
+        edition_note,
     )
     app.state.callers = Callers(url, session_factory(engine))
     app.state.logins = Logins(Provider(settings) if settings.oidc_issuer else None)

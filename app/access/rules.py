@@ -52,6 +52,7 @@ _TABLE = {
         GET /tileMatrixSets/WebMercatorQuad
         GET /upload
         GET /v1/methods
+        GET /v1/privacy
         GET /v1/removals/{removal_id}
         GET /v1/session
         GET /v1/session/oidc
@@ -94,6 +95,9 @@ _TABLE = {
         GET /tiles/{z}/{x}/{y}.pbf
         GET /v1/changes
         GET /v1/changes/events
+        GET /v1/editions
+        GET /v1/editions/{number}
+        GET /v1/editions/{number}/{name}
         GET /v1/elevation
         GET /v1/exports/formats
         GET /v1/regions

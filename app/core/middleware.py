@@ -46,7 +46,9 @@ CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 FOR_PROBES = frozenset({"/healthz", "/readyz"})
 """Balancers ask for these under whatever name they know the machine by; the answers tell nothing about anybody."""
 ANY_HOST = "*"
-_AS_THEY_ARE = re.compile(r"/v1/exports/[^/]+/file|/v1/drives/[^/]+/log|/v1/owners?(/[^/]+)?/archive")
+_AS_THEY_ARE = re.compile(
+    r"/v1/exports/[^/]+/file|/v1/editions/[^/]+/[^/]+|/v1/drives/[^/]+/log|/v1/owners?(/[^/]+)?/archive"
+)
 _HOST = re.compile(r"(\[(?P<literal>[0-9A-Fa-f:.]+)\]|(?P<name>[^:\[\]/@\s]+))(:\d*)?")
 PUBLISHED = (
     "/collections",
