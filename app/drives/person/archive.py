@@ -25,7 +25,7 @@ from app.access.zone_store import zones_of
 from app.access.zones import Zones
 from app.changes.webhooks import store as webhooks
 from app.changes.webhooks.routes import Webhook
-from app.core.caller import Caller, as_caller
+from app.core.caller import Caller, as_caller, present_caller
 from app.core.http import Service
 from app.core.telemetry import audit
 from app.core.text import collection_chunks, utc_text
@@ -90,7 +90,7 @@ class Archive:
     def __init__(self, service: Service, base: str, owner_id: int) -> None:
         """``base``: the address that links of documents begin with."""
         self._service, self._base, self._index = service, base, _Index(owner_id)
-        self._owner = Caller("own", owner_id)
+        self._owner = Caller("own", owner_id, sees=present_caller().sees)
         self._began = datetime.now(UTC)
         self._zip = ZipStream(self._began)
 
@@ -168,11 +168,11 @@ class Archive:
             return
         try:
             file = self._service.blobs.open(drive.blob_key, PIECE_BYTES)
+            path = f"{folder}/log/{plain_name(log_name(drive, file))}"
         except OSError as error:
             index.miss(drive, "log", f"The log cannot be read: {type(error).__name__}.")
             return
         with file:
-            path = f"{folder}/log/{plain_name(log_name(drive, file))}"
             index.logs += 1
             digest = hashlib.sha256()
             yield from self._zip.add(path, self._chunks(drive, path, file, digest), drive.size_bytes)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import threading
 import uuid
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
-from access_support import Keyed
+from access_support import Keyed, keys_of
 from app.core.blobs import EXPORTS, BlobStore
+from app.core.settings import Settings
 from app.drives import intake
 from app.drives.person import removal
 from app.drives.worker import run_worker
@@ -21,6 +23,7 @@ from person_support import Anna
 from problem_support import check
 from processing_support import carry_out_removals
 from server_support import wait_until
+from web_fixtures import served
 
 OWNED = (
     "drives",
@@ -304,3 +307,20 @@ def test_a_key_or_session_that_is_made_meanwhile_lets_nobody_in(keyed: Keyed) ->
     check(late.get("/v1/drives"), 401)
     look(keyed)
     assert left(keyed, keyed.a.id) == {}
+
+
+def test_where_everybody_reads_editions(settings: Settings) -> None:
+    """The roles and schemas of editions are in nobody's way here."""
+    changed = {"access": "keys", "public_map": "releases", "owners_map": "releases"}
+    with ExitStack() as stack:
+        keyed = keys_of(stack.enter_context(served(settings.model_copy(update=changed))), stack)
+        make_drives(keyed.web.sessions, 3)
+        execute(keyed.web.sessions, "UPDATE drives SET owner_id = :a", a=keyed.a.id)
+        assert keyed.a.own.get("/v1/owner/archive").status_code == 200
+        assert keyed.a.own.get("/v1/owner/zones").status_code == 200
+        assert keyed.web.client.get("/v1/session").json()["public_owners"] == 5
+        begun = keyed.a.own.delete("/v1/owner?name=A").json()
+        assert receipt(keyed, begun["id"])["removed"]["drives"] == 3
+        look(keyed)
+        assert left(keyed, keyed.a.id) == {}
+        assert receipt(keyed, begun["id"])["state"] == "done"
