@@ -21,8 +21,9 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
-from fusion.network.condensed import CondensedPasses, ConstantsInformation
+from fusion.network.condensed import CondensedPasses
 from fusion.network.curve import knot_length
+from fusion.network.drive_constants import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 
 RECENT_PASSES = 48

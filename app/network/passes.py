@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary, send_binary
 from app.network.condensed import OF_DRIVE, StoredPass, condensed_of_drive, of_drive, subtract_condensed
-from fusion.network.condensed import ConstantsInformation
+from fusion.network.drive_constants import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.caller import TOLD
-from app.core.db import fetch_binary
+from app.core.db import fetch_binary, send_binary
 from app.core.tables import IS_SHOWN
 
 # Passes that a solution rejected say nothing, so nobody counts by them; and a segment that an import took away is
@@ -56,24 +56,23 @@ _CHANGES = """
                         WHEN 'withdraw' THEN p.told IS NOT NULL
                         ELSE p.told IS NOT NULL AND p.eligible IS NULL END
 """
-_CHOSEN = """
-    CREATE TEMPORARY TABLE chosen ON COMMIT DROP AS
-    SELECT p.drive_id, p.segment_id, p.entered_s, p.factor
+# Every pass counts as condensed: a solution reads their sums alone (``app.releases.summing``).
+_TAKE_BACK = """
+    DELETE FROM told.drive_passes AS t USING changes AS c
+    WHERE t.drive_id = c.drive_id AND t.segment_id = c.segment_id
+"""
+_TELL = """
+    INSERT INTO told.drive_passes (drive_id, segment_id, entered_s, condensed_weight, sequence, partition, factor)
+    SELECT p.drive_id, p.segment_id, p.entered_s, 1, p.sequence, p.partition, p.factor
     FROM changes AS c
     JOIN eligible AS e ON e.drive_id = c.drive_id AND e.segment_id = c.segment_id
     JOIN drive_passes AS p ON p.id = e.id AND p.partition = e.partition
     WHERE c.is_told
-    UNION ALL
-    SELECT t.drive_id, t.segment_id, t.entered_s, t.factor
-    FROM told.drive_passes AS t
-    WHERE t.drive_id IN (SELECT drive_id FROM changes)
-        AND NOT EXISTS (SELECT FROM changes AS c WHERE c.drive_id = t.drive_id AND c.segment_id = t.segment_id)
 """
 _INDEXES = (
     "CREATE INDEX ON pairs (segment_id)",
     "CREATE INDEX ON eligible (drive_id, segment_id)",
     "CREATE INDEX ON changes (drive_id, segment_id)",
-    "CREATE INDEX ON chosen (drive_id)",
 )
 # What a solver asks of a drive; nothing else of it is kept.
 _DRIVES = """
@@ -86,52 +85,82 @@ _DRIVES = """
 _READ_TOLD = text(f"SET LOCAL search_path = {TOLD}, public")
 _AFFECTED = text("SELECT DISTINCT drive_id FROM changes ORDER BY drive_id")
 _CHANGED = text("SELECT segment_id FROM actions ORDER BY segment_id")
-_CHOSEN_OF = """
-    SELECT drive_id, segment_id, factor FROM chosen WHERE drive_id = ANY(%(ids)s)
-    ORDER BY drive_id, entered_s, segment_id
+_DRIVES_OVER = text("""
+    SELECT DISTINCT drive_id FROM drive_passes WHERE segment_id = ANY(CAST(:segments AS bigint[])) ORDER BY drive_id
+""")
+_PASSES = """
+    SELECT drive_id, factor, segment_id, sequence FROM drive_passes
+    WHERE drive_id = ANY(%(drives)s) AND (drive_id = ANY(%(whole)s) OR segment_id = ANY(%(segments)s::bigint[]))
+    ORDER BY drive_id, entered_s, segment_id, sequence
 """
-# What is left of segments that an import took away: no pass can be subtracted from their sums any more.
+_LENGTHS = text("SELECT id, length_m FROM segments WHERE id = ANY(CAST(:segments AS bigint[]))")
+_FORGET_CONSTANTS = text("DELETE FROM drive_constants WHERE drive_id = ANY(:drives)")
+_FORGET_SUMS = text("DELETE FROM condensed_passes WHERE segment_id = ANY(CAST(:segments AS bigint[]))")
+_ADD_CONSTANTS = """
+    INSERT INTO drive_constants (drive_id, passes, evidence, measurements, epoch_s, partitions)
+    SELECT t.drive_id, t.passes, t.evidence, 0, '', '{}'
+    FROM unnest(%(drives)s::uuid[], %(passes)s::integer[], %(evidence)b::bytea[]) AS t (drive_id, passes, evidence)
+"""
+# What is left of segments that an import took away.
 _FORGET_ROADS = tuple(
     f"DELETE FROM told.{table} AS t WHERE NOT EXISTS (SELECT FROM segments AS s WHERE s.id = t.segment_id)"  # noqa: S608
     for table in ("condensed_passes", "network_slopes", "segment_slopes")
 )
-_UNCONDENSE = """
-    UPDATE told.drive_passes AS t SET condensed_weight = 0
-    WHERE condensed_weight > 0 AND NOT EXISTS (SELECT FROM segments AS s WHERE s.id = t.segment_id)
-"""
 _FORGET_DRIVES = text("""
     DELETE FROM told.drives AS d WHERE NOT EXISTS (SELECT FROM told.drive_constants AS c WHERE c.drive_id = d.id)
 """)
 
 
-def choose(session: Session, owners_needed: int) -> None:
-    """Choose what is told from now on, as the transaction sees the live map; kept until it ends."""
-    steps = (*_FORGET_ROADS, _UNCONDENSE, _ELIGIBLE, _PAIRS, *_INDEXES[:2])
-    for statement in steps:
+def choose(session: Session, owners_needed: int) -> tuple[list[uuid.UUID], list[int]]:
+    """Choose what is told from now on, as the transaction sees the live map, and let the passes of ``told`` be that.
+
+    The drives of which anything is told or taken back, and the segments at which anything changes. For the rest of the
+    transaction tables are those of ``told``.
+    """
+    for statement in (*_FORGET_ROADS, _ELIGIBLE, _PAIRS, *_INDEXES[:2]):
         session.execute(text(statement))
     session.execute(text(_ACTIONS), {"owners_needed": owners_needed})
-    for statement in (_CHANGES, _INDEXES[2], _CHOSEN, _INDEXES[3], _DRIVES):
+    for statement in (_CHANGES, _INDEXES[2], _TAKE_BACK, _TELL, _DRIVES):
         session.execute(text(statement))
-
-
-def affected_drives(session: Session) -> list[uuid.UUID]:
-    """The drives of which anything is told, or taken back."""
-    return list(session.execute(_AFFECTED).scalars())
-
-
-def changed_segments(session: Session) -> list[int]:
-    """The segments at which anything changes."""
-    return list(session.execute(_CHANGED).scalars())
-
-
-def read_told(session: Session) -> None:
-    """From here to the end of the transaction tables are those of ``told``."""
     session.execute(_READ_TOLD)
+    return list(session.execute(_AFFECTED).scalars()), list(session.execute(_CHANGED).scalars())
 
 
-def chosen_passes(session: Session, drive_ids: Sequence[uuid.UUID]) -> Iterable[tuple[Any, ...]]:
-    """What is told of these drives from now on: drive, segment and factor, in the order of driving."""
-    return fetch_binary(session, _CHOSEN_OF, {"ids": list(drive_ids)})
+def drives_over(session: Session, segments: Sequence[int]) -> list[uuid.UUID]:
+    """The drives of which anything is told over these segments."""
+    return list(session.execute(_DRIVES_OVER, {"segments": list(segments)}).scalars())
+
+
+def told_passes(
+    session: Session, drives: Sequence[uuid.UUID], whole: Collection[uuid.UUID], segments: Sequence[int]
+) -> list[tuple[Any, ...]]:
+    """What is told of these drives, in the order of driving: drive, factor, segment, number.
+
+    All of those that are in ``whole``, of the others what is told over ``segments``.
+    """
+    values = {"drives": list(drives), "whole": list(whole), "segments": list(segments)}
+    return fetch_binary(session, _PASSES, values)
+
+
+def lengths_m(session: Session, segments: Sequence[int]) -> dict[int, float]:
+    """The length of each of these segments."""
+    return {row.id: row.length_m for row in session.execute(_LENGTHS, {"segments": list(segments)})}
+
+
+def forget_sums(session: Session, drives: Sequence[uuid.UUID], segments: Sequence[int]) -> None:
+    """Forget what was summed up of these drives' constants and over these segments."""
+    session.execute(_FORGET_CONSTANTS, {"drives": list(drives)})
+    session.execute(_FORGET_SUMS, {"segments": list(segments)})
+
+
+def add_constants(session: Session, constants: Mapping[uuid.UUID, tuple[bytes, int]]) -> None:
+    """Store what drives say of their constants, and by how many passes."""
+    columns = {
+        "drives": list(constants),
+        "passes": [passes for _, passes in constants.values()],
+        "evidence": [evidence for evidence, _ in constants.values()],
+    }
+    send_binary(session, _ADD_CONSTANTS, columns)
 
 
 def forget_drives(session: Session) -> None:

@@ -11,8 +11,10 @@ from app.core.caller import EDITION, TOLD
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
 from app.map.derived.following import follow_all
+from app.network import ZOOM
 from app.network.locks import releasing_alone
-from app.network.swap import solve_all_marked
+from app.network.marks import waiting_cells
+from app.network.swap import publish_cells
 from app.releases import serving, store
 from app.releases.files import publish_files
 from app.releases.keeping import drop_files
@@ -20,6 +22,9 @@ from app.releases.store import Edition
 from app.releases.telling import examine, tell
 from fusion.errors import FusionError
 from fusion.types import Progress, no_progress
+
+BLOCK_LEVELS = 3
+"""Cells are solved together by tiles of so many zooms further out: 8 by 8 of them."""
 
 
 class BusyReleaseError(FusionError):
@@ -46,7 +51,7 @@ def release(
         needed = settings.owners_needed
         examine(live, progress)
         tell(live, needed, progress)
-        solve_all_marked(told, progress)
+        solve(told, progress)
         progress("serving", 0.0)
         begin_epoch(edition)
         with edition.begin() as session:
@@ -62,6 +67,25 @@ def release(
             made = store.get_edition(session, number)
         assert made is not None  # noqa: S101 - it was just added, and nobody else adds or takes away
         return publish_files(live, edition, made, settings, progress)
+
+
+def solve(told: Sessions, progress: Progress = no_progress) -> None:
+    """Solve what was marked, a block of cells at a time: sums cost a solution little, and its edge is what costs."""
+    with told() as session:
+        cells = [one.cell for one in waiting_cells(session)]
+    blocks: dict[int, list[int]] = {}
+    for cell in cells:
+        blocks.setdefault(cell_block(cell), []).append(cell)
+    for done, block in enumerate(sorted(blocks)):
+        progress("slopes", done / len(blocks))
+        publish_cells(told, blocks[block])
+    progress("slopes", 1.0)
+
+
+def cell_block(cell: int) -> int:
+    """The tile of zoom ``ZOOM`` - ``BLOCK_LEVELS`` around a cell, as a number."""
+    side = ZOOM - BLOCK_LEVELS
+    return cell >> (ZOOM + BLOCK_LEVELS) << side | (cell & ((1 << ZOOM) - 1)) >> BLOCK_LEVELS
 
 
 def is_due(sessions: Sessions, settings: Settings) -> bool:

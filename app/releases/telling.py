@@ -12,14 +12,11 @@ import hashlib
 import hmac
 import uuid
 from collections.abc import Mapping, Sequence
-from itertools import groupby
 
-import numpy as np
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.network.marks import append_marks
-from app.network.passes import replace_passes
 from app.releases import choosing, store
 from app.releases.ends import (
     FARTHEST_M,
@@ -35,11 +32,10 @@ from app.releases.ends import (
     near,
 )
 from app.releases.store import ToExamine
-from fusion.network.pass_factor import PassFactor
+from app.releases.summing import sum_up
 from fusion.types import Floats, Progress, no_progress
 
 DRIVES_AT_ONCE = 50
-_NO_EPOCHS = np.empty(0)
 
 
 class Places:
@@ -120,29 +116,12 @@ def _ends(one: ToExamine, tracks: Mapping[uuid.UUID, Timed], driven: Driven) -> 
     return ends if len(ends) else driven.ends()
 
 
-def tell(sessions: Sessions, owners_needed: int, progress: Progress = no_progress) -> int:
-    """Bring what is told up to date and mark it to be solved, in one transaction; how many segments changed."""
+def tell(sessions: Sessions, owners_needed: int, progress: Progress = no_progress) -> list[int]:
+    """Bring what is told up to date and mark it to be solved, in one transaction; the segments that changed."""
     with sessions.begin() as session:
         progress("choosing", 0.0)
-        choosing.choose(session, owners_needed)
-        affected, touched = choosing.affected_drives(session), choosing.changed_segments(session)
-        choosing.read_told(session)
-        for first in range(0, len(affected), DRIVES_AT_ONCE):
-            progress("telling", first / len(affected))
-            _replace(session, affected[first : first + DRIVES_AT_ONCE])
+        drives, segments = choosing.choose(session, owners_needed)
+        sum_up(session, drives, segments, progress)
         choosing.forget_drives(session)
-        append_marks(session, touched)
-    progress("telling", 1.0)
-    return len(touched)
-
-
-def _replace(session: Session, drives: Sequence[uuid.UUID]) -> None:
-    """Let what is told of these drives be what was chosen, in the order of driving."""
-    chosen = {
-        drive_id: [tuple(row[1:]) for row in rows]
-        for drive_id, rows in groupby(choosing.chosen_passes(session, drives), key=lambda row: row[0])
-    }
-    for drive_id in drives:
-        # Numbered anew: passes of two runs of a drive may have the same numbers.
-        rows = [(factor, segment, k) for k, (segment, factor) in enumerate(chosen.get(drive_id, ()))]
-        replace_passes(session, drive_id, PassFactor.decode_all(rows) if rows else [], _NO_EPOCHS)
+        append_marks(session, segments)
+    return segments

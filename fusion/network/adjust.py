@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fusion.network.blocks import BlockedSystem, Partition, homes
-from fusion.network.condensed import ConstantsInformation, outside_blocks
 from fusion.network.control import ControlBeliefs, ControlHeights
 from fusion.network.drive_beliefs import DriveBeliefs
+from fusion.network.drive_constants import ConstantsInformation, outside_blocks
 from fusion.network.equations import EquationSystem
 from fusion.network.pass_factor import PassFactor
 from fusion.network.road_beliefs import RoadBeliefs

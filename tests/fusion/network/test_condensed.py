@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from factor_support import Sensors, driven, graded, steady, street
 from fusion.network.adjust import adjust
-from fusion.network.condensed import FREE_INFORMATION, CondensedPasses, ConstantsInformation, condense
+from fusion.network.condensed import CondensedPasses, condense
 from fusion.network.curve import knot_length
 from fusion.network.drive_beliefs import LAG_MEAN_S, LAG_SIGMA_S
+from fusion.network.drive_constants import FREE_INFORMATION, ConstantsInformation
 from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, LAG, NUISANCES, SETTINGS, PassFactor
 from fusion.network.road_beliefs import GRADE_SIGMA
 from fusion.network.segment_slopes import Adjustment

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fusion.network.adjust import adjust
-from fusion.network.condensed import FREE_INFORMATION, ConstantsInformation
 from fusion.network.drive_beliefs import DriveBeliefs
+from fusion.network.drive_constants import FREE_INFORMATION, ConstantsInformation
 from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, EAST, LAG, MOUNT, NUISANCES, PassFactor
 from fusion.network.road_beliefs import GRADE_SIGMA
 from fusion.network.segment_slopes import Adjustment

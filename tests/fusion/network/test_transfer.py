@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dense_adjustment import slope_row, smoothness
-from fusion.network.condensed import CondensedPasses, ConstantsInformation
+from fusion.network.condensed import CondensedPasses
 from fusion.network.curve import grade_rows, height_rows, interval_count
+from fusion.network.drive_constants import ConstantsInformation
 from fusion.network.pass_factor import NUISANCES, PassFactor
 from fusion.network.transfer import Carrying, Ends
 from fusion.types import Floats

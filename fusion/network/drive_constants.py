@@ -1,0 +1,176 @@
+"""What the passes of a drive say of its constants, each on its own: added up, taken off, and integrated out.
+
+In the solution of a part of a network, the constants of a drive stay unknowns. Its passes outside speak of them too:
+each of them alone, over a road of which nothing is known but that grades are small, never the drive's own posterior.
+What other drives know of the roads outside is left unsaid, so this is never too much. It is what the whole drive says
+less what it says inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from fusion.network.equations import Blocks
+from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, NUISANCES, SETTINGS, PassFactor, symmetric
+from fusion.network.road_beliefs import GRADE_SIGMA
+from fusion.network.unknowns import DriveUnknowns
+from fusion.types import Floats, Ints
+
+FREE_INFORMATION = 1e-6
+"""Heights, and errors of height sensors, are free: a sigma of a kilometre (1/m^2)."""
+ROUNDING = 1e-9
+"""Of sums from which all is taken off again, less than this share is left."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantsInformation:
+    """Information (n, n) and vector (n,) over constants of a drive: ``keys`` (n, 2), ascending, are (kind, setting).
+
+    ``kind`` is the number in ``CONSTANTS``; the setting is 0 for constants that have none (``SETTINGS``).
+    """
+
+    keys: Ints
+    information: Floats
+    vector: Floats
+
+    @classmethod
+    def nothing(cls) -> Self:
+        """Of no pass."""
+        return cls(np.empty((0, 2), np.int64), np.zeros((0, 0)), np.zeros(0))
+
+    @classmethod
+    def of_passes(cls, passes: Sequence[PassFactor], weight: Floats | None = None) -> Self:
+        """What passes of one drive say, each on its own; ``weight`` (m,) is how much each is believed."""
+        if not passes:
+            return cls.nothing()
+        weight = np.ones(len(passes)) if weight is None else weight
+        setting = np.zeros((len(passes), len(CONSTANTS)), np.int64)
+        for kind, name in SETTINGS.items():
+            setting[:, kind] = [getattr(p, name) for p in passes]
+        every = np.stack([np.broadcast_to(np.arange(len(CONSTANTS)), setting.shape), setting], axis=2)
+        keys, number = _unique_keys(every.reshape(-1, 2))
+        number = number.reshape(setting.shape)
+        information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
+        size = np.array([len(p.vector) for p in passes])
+        for n in np.unique(size):
+            mine = np.flatnonzero(size == n)
+            said, right = marginals([passes[k] for k in mine.tolist()], weight[mine])
+            at = number[mine]
+            np.add.at(information, (at[:, :, None], at[:, None, :]), said)
+            np.add.at(vector, at, right)
+        informed = np.diagonal(information) > 0
+        order = np.flatnonzero(informed)
+        return cls(keys[order], information[np.ix_(order, order)], vector[order])
+
+    def __add__(self, other: ConstantsInformation) -> ConstantsInformation:
+        return self._with(other, 1.0)
+
+    def __sub__(self, other: ConstantsInformation) -> ConstantsInformation:
+        left = self._with(other, -1.0)
+        # Of what only the other spoke, rounding is left; it would tie together what has nothing to do with each other.
+        mine = np.searchsorted(numbers_of(left.keys), numbers_of(self.keys))
+        before = np.zeros(len(left.keys))
+        before[mine] = np.diagonal(self.information)
+        informed = np.flatnonzero(np.diagonal(left.information) > ROUNDING * before)
+        return ConstantsInformation(
+            left.keys[informed], left.information[np.ix_(informed, informed)], left.vector[informed]
+        )
+
+    def widened(self, widening: float) -> ConstantsInformation:
+        """The same of passes whose sigmas are ``widening`` times as large (``PassFactor.widened``)."""
+        less = widening**-2.0
+        return (
+            self
+            if widening == 1.0
+            else ConstantsInformation(self.keys, less * self.information, less * self.vector)
+        )
+
+    def _with(self, other: ConstantsInformation, sign: float) -> ConstantsInformation:
+        keys, where = _unique_keys(np.concatenate([self.keys, other.keys]))
+        information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
+        for at, one, share in ((where[: len(self.keys)], self, 1.0), (where[len(self.keys) :], other, sign)):
+            information[np.ix_(at, at)] += share * one.information
+            vector[at] += share * one.vector
+        return ConstantsInformation(keys, information, vector)
+
+    def onto(self, keys: Sequence[tuple[int, int]]) -> tuple[Floats, Floats]:
+        """Information and vector over these constants; the others are integrated out, with what is believed of each."""
+        at = {(int(kind), int(mount)): k for k, (kind, mount) in enumerate(self.keys)}
+        known = np.array([key in at for key in keys], bool)
+        shared = np.array([at[key] for key in keys if key in at], np.int64)
+        others = np.ones(len(self.keys), bool)
+        others[shared] = False
+        gone = np.flatnonzero(others)
+        prior = np.array(CONSTANT_SIGMA)[self.keys[gone, 0]] ** -2.0
+        across = self.information[np.ix_(gone, shared)]
+        solved = np.linalg.solve(
+            self.information[np.ix_(gone, gone)] + np.diag(prior),
+            np.column_stack([across, self.vector[gone]]),
+        )
+        information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
+        information[np.ix_(known, known)] = (
+            self.information[np.ix_(shared, shared)] - across.T @ solved[:, :-1]
+        )
+        vector[known] = self.vector[shared] - across.T @ solved[:, -1]
+        return information, vector
+
+    def encode(self) -> bytes:
+        """As little-endian doubles: how many, keys, vector, upper triangle."""
+        upper = self.information[np.triu_indices(len(self.keys))]
+        numbers = [np.array([len(self.keys)]), self.keys.ravel(), self.vector, upper]
+        return np.concatenate(numbers).astype("<f8").tobytes()
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """The inverse of ``encode``, bit for bit."""
+        values = np.frombuffer(data, "<f8").astype(np.float64)
+        n = int(values[0])
+        keys, vector, upper = np.split(values[1:], [2 * n, 3 * n])
+        return cls(keys.astype(np.int64).reshape(n, 2), symmetric(upper, n), vector.copy())
+
+
+def numbers_of(keys: Ints) -> Ints:
+    """One number for each key (n, 2), in the order of the keys."""
+    return np.asarray((keys[:, 0] << 40) + keys[:, 1])
+
+
+def _unique_keys(keys: Ints) -> tuple[Ints, Ints]:
+    """The different keys in ascending order, and which of them each is, shape (n,)."""
+    _, first, which = np.unique(numbers_of(keys), return_index=True, return_inverse=True)
+    return keys[first], which.ravel()
+
+
+def marginals(passes: Sequence[PassFactor], weight: Floats) -> tuple[Floats, Floats]:
+    """Information (m, k, k) and vector (m, k) of each pass over the k ``CONSTANTS``; all over equally many knots."""
+    weighted = weight[:, None, None] * np.array([p.information for p in passes])
+    right = weight[:, None] * np.array([p.vector for p in passes])
+    n = weighted.shape[1]
+    knots, count = n - NUISANCES, len(CONSTANTS)
+    nuisances = np.arange(knots, knots + count)
+    gone = np.concatenate([np.arange(knots), np.arange(knots + count, n)])
+    prior = np.full(len(gone), FREE_INFORMATION)
+    prior[1:knots:2] = GRADE_SIGMA**-2
+    inside = weighted[:, gone[:, None], gone] + np.diag(prior)
+    across = weighted[:, gone[:, None], nuisances]
+    solved = np.linalg.solve(inside, np.concatenate([across, right[:, gone, None]], axis=2))
+    back = across.transpose(0, 2, 1) @ solved
+    information = weighted[:, nuisances[:, None], nuisances] - back[:, :, :-1]
+    return 0.5 * (information + information.transpose(0, 2, 1)), right[:, nuisances] - back[:, :, -1]
+
+
+def outside_blocks(
+    said: Mapping[int, ConstantsInformation], unknowns: Mapping[int, DriveUnknowns]
+) -> list[Blocks]:
+    """The equations of all drives that have passes elsewhere."""
+    out = []
+    for name in sorted(set(said) & set(unknowns)):
+        spoken = set(map(tuple, said[name].keys.tolist()))
+        keys = [key for key in unknowns[name].keys if key in spoken]
+        information, vector = said[name].onto(keys)
+        variables = np.array([[unknowns[name].keys[key] for key in keys]], np.int64)
+        out.append(Blocks(variables, information[None], vector[None], np.ones(1)))
+    return [b for b in out if b.variables.size]
