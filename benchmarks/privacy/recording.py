@@ -8,10 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from accuracy.adjustment_drives import Synthetic
-from fusion.network.pass_factor import PassFactor
+from fusion.network.pass_factor import NUISANCES, PassFactor
 from fusion.types import Floats, Ints, Track
 from privacy.city import City
 from privacy.town import STOP_S, Trip
+
+FREE = 1e-6
+"""Information on each of a drive's unknowns that is as good as none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +73,19 @@ class Recorder:
         """Places at shares of rows, (n, 2)."""
         start, end = places[self._city.start[rows]], places[self._city.end[rows]]
         return np.asarray(start + share[:, None] * (end - start))
+
+
+def on_its_own(factor: PassFactor) -> PassFactor:
+    """The same pass as if nothing of the drive were known elsewhere: what it says of grades is left."""
+    information, vector = factor.information.copy(), factor.vector.copy()
+    knots = len(vector) - NUISANCES
+    with_drive, of_drive = information[:knots, knots:], information[knots:, knots:] + FREE * np.eye(NUISANCES)
+    given = np.linalg.solve(of_drive, np.column_stack([with_drive.T, vector[knots:]]))
+    square = factor.square - float(vector[knots:] @ given[:, -1])
+    vector[:knots] -= with_drive @ given[:, -1]
+    information[:knots, :knots] -= with_drive @ given[:, :-1]
+    information[knots:] = information[:, knots:] = vector[knots:] = 0.0
+    return replace(factor, information=(information + information.T) / 2, vector=vector, square=square)
 
 
 def _moved(factor: PassFactor, later_s: float) -> PassFactor:
