@@ -18,7 +18,8 @@ names as many drives (sets of segments) as there are, and as many homes (places)
     roads       a guesser that knows which roads anybody drove, to their ends, and not how often
 
     drives %    true drives with which a name agrees: F1 by length of 0.7; a name counts once
-    homes %     true homes within 200 m of a name; a name counts once
+    homes %     true homes within 200 m of a name; a name counts once. In a town many are near any point
+    doors %     the same within 50 m, of names for that
 
 Intervals of 95 % are drawn owner by owner. ``beyond`` is by how much more an attack names than the guesser with the
 edition of its own. Then: what the public cannot see at k = 3, 5 and 10 after all editions, without accounts of an
@@ -56,8 +57,9 @@ from privacy.attacks import (
 )
 from privacy.city import HEIDELBERG as HEIDELBERG_DEG
 from privacy.city import City
+from privacy.homes import name_homes
 from privacy.picture import draw
-from privacy.scoring import Share, difference, right_drives, right_homes, share
+from privacy.scoring import DOOR_M, HOME_M, Share, difference, right_drives, right_homes, share
 from privacy.service import Server
 from privacy.town import make_town
 
@@ -69,7 +71,16 @@ LOOKED_AT = (3, 5, 10)
 QUICK = {"owners": 40, "drives": 30, "editions": 2, "removals": 1, "window": (8.665, 49.39, 8.715, 49.418)}
 AT_ONCE = 2
 BEYOND = {"editions": "last", "of 3": "last, of 3"}
-COLUMNS = {name: (name, "") for name in ("who", "drives %", "beyond", "homes %", "homes beyond")}
+HOMES = {"homes": HOME_M, "doors": DOOR_M}
+COLUMNS = {
+    name: (name, "")
+    for name in (
+        "who",
+        "drives %",
+        "beyond",
+        *(f"{what}{more}" for what in HOMES for more in (" %", " beyond")),
+    )
+}
 
 
 def main() -> None:
@@ -141,14 +152,17 @@ def tell_names(world: World, names: dict[str, Names]) -> list[dict[str, Any]]:
     rng, city, town = np.random.default_rng(world.seed), world.city, world.town
     owner, each = np.array([trip.owner for trip in town.trips]), np.arange(len(town.owners))
     drives = {name: right_drives(n.drives, _true(world), city.length_m) for name, n in names.items()}
-    homes = {name: right_homes(n.homes_m, town.homes_m) for name, n in names.items()}
+    homes = {what: _right_homes(world, names, within_m) for what, within_m in HOMES.items()}
     rows = []
     for name in ("live", "editions", "last", "of 3", "last, of 3", "roads"):
         row: dict[str, Any] = {"who": name}
-        row["drives %"], row["homes %"] = share(drives[name], owner, rng), share(homes[name], each, rng)
+        row["drives %"] = share(drives[name], owner, rng)
         if name in BEYOND:
             row["beyond"] = difference(drives[name], drives[BEYOND[name]], owner, rng)
-            row["homes beyond"] = difference(homes[name], homes[BEYOND[name]], each, rng)
+        for what, right in homes.items():
+            row[f"{what} %"] = share(right[name], each, rng)
+            if name in BEYOND:
+                row[f"{what} beyond"] = difference(right[name], right[BEYOND[name]], each, rng)
         rows.append(row)
     texts = [{column: str(row.get(column, "")) for column in COLUMNS} for row in rows]
     print(f"{len(town.owners)} owners, {len(town.trips)} drives of {_mean_km(world):.1f} km")
@@ -194,6 +208,12 @@ def tell_removals(world: World, editions: Editions) -> list[dict[str, float]]:
     }
     print(text_table(rows, columns))
     return rows
+
+
+def _right_homes(world: World, names: dict[str, Names], within_m: float) -> dict[str, Any]:
+    count, true_m = len(world.town.owners), world.town.homes_m
+    named = {who: name_homes(world.city, n.homes, count, within_m) for who, n in names.items()}
+    return {who: right_homes(places, true_m, within_m) for who, places in named.items()}
 
 
 def _true(world: World) -> list[Any]:

@@ -11,7 +11,7 @@ from accuracy.scoring import show_progress
 from fusion.types import Bools, Floats, Ints
 from privacy.city import City
 from privacy.colluders import Colluders
-from privacy.homes import behind_tips, name_homes
+from privacy.homes import behind_tips
 from privacy.naming import Evidence, Known, name_drives
 from privacy.reading import Eyes, Seen
 from privacy.recording import Recorder
@@ -29,7 +29,8 @@ class Names:
     """What somebody named."""
 
     drives: list[Ints]
-    homes_m: Floats
+    homes: Floats
+    """How many live at each node, as far as that is suggested, (nodes,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ def attack_live(world: World) -> Names:
             before = now
     masks = [_mask(world.city, rows) for rows in named]
     mass = behind_tips(world.city, masks, trimmed=False)
-    return Names(named, name_homes(world.city, mass, len(world.town.owners)))
+    return Names(named, mass)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +166,7 @@ def guess_from_roads(world: World) -> Names:
 
 def _names(world: World, known: Known, mass: Floats) -> Names:
     drives = name_drives(world.city, known, np.random.default_rng(world.seed))
-    return Names(drives, name_homes(world.city, mass, len(world.town.owners)))
+    return Names(drives, mass)
 
 
 def withheld(world: World, owners: Sequence[int]) -> list[tuple[int, int, float, float]]:

@@ -14,7 +14,8 @@ from fusion.types import Bools, Floats, Ints
 F1_LEAST = 0.7
 """A named drive is right from here on: twice what it has in common with the true one by both lengths."""
 HOME_M = 200.0
-"""A named home is right within so much of a true one."""
+DOOR_M = 50.0
+"""A named home is right within so much of a true one; strictly, within ``DOOR_M``."""
 DRAWS = 2000
 LEVEL = (2.5, 97.5)
 
@@ -45,12 +46,12 @@ def right_drives(named: Sequence[Ints], true: Sequence[Ints], length_m: Floats) 
     return _matched(scores, scores.data >= F1_LEAST)
 
 
-def right_homes(named_m: Floats, true_m: Floats) -> Bools:
+def right_homes(named_m: Floats, true_m: Floats, within_m: float = HOME_M) -> Bools:
     """Which of the true homes (m, 2) were named by one of (n, 2), where a name counts for one of them only."""
     if not len(named_m):
         return np.zeros(len(true_m), bool)
     apart = np.linalg.norm(named_m[:, None] - true_m[None], axis=2)
-    near = sparse.csr_matrix(apart <= HOME_M, dtype=float)
+    near = sparse.csr_matrix(apart <= within_m, dtype=float)
     return _matched(near, near.data > 0)
 
 

@@ -11,7 +11,7 @@ from privacy import naming
 from privacy.attacks import taken_back, told_anew
 from privacy.city import City
 from privacy.colluders import round_trip
-from privacy.homes import behind_tips, name_homes
+from privacy.homes import BEHIND, behind_tips, name_homes
 from privacy.naming import Evidence, Known, name_drives
 from privacy.reading import Seen
 from privacy.scoring import right_drives
@@ -74,7 +74,7 @@ def test_homes_behind_what_is_left_out_are_in_reach_of_the_cut(city: City) -> No
     mass = behind_tips(city, [seen], trimmed=True)
     tips = [node for node, _ in city.tips(middle.tolist())]
     away = np.linalg.norm(city.place[:, None] - city.place[tips][None], axis=2).min(axis=1)
-    assert mass.sum() == pytest.approx(2.0)
+    assert mass.sum() == pytest.approx(2 * BEHIND)
     assert (away[mass > 0] <= 400).all()
 
 
