@@ -16,7 +16,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.middleware import Middleware
 
 from app.access import routes as access
-from app.access import sessions
+from app.access import sessions, zones
 from app.access.callers import Callers
 from app.access.description import tell_rules
 from app.access.gate import Gate
@@ -46,6 +46,8 @@ from app.drives.batches import routes as batches
 from app.drives.documents import Drive
 from app.drives.outputs.drawing import Drawing
 from app.drives.parts import routes as drive_parts
+from app.drives.person import archive
+from app.drives.person import routes as person
 from app.drives.store import get_drives
 from app.drives.trials import routes as trials
 from app.exports import routes as exports
@@ -64,11 +66,15 @@ from app.operations import sources
 from app.ops import health, metrics, stats
 from app.ops import problems as problem_kinds
 from app.ops.admin import routes as admin
+from app.releases import routes as releases
+from app.releases.store import edition_note
 from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
     sessions.router,
     access.router,
+    zones.router,
+    person.router,
     upload.router,
     methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's
@@ -87,6 +93,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     heights.router,
     tiles.ogc_router,
     exports.router,
+    releases.router,
     sources.router,
     operations.router,
     style.router,
@@ -118,6 +125,7 @@ TAGS = {
     "tiles": "Map tiles.",
     "heights": "Heights of the road at places, as other services give them of the ground.",
     "exports": "The map, or a part of it, as files.",
+    "editions": "Editions of the map for the public, and what the service shows to whom.",
     "operation": "Health, metrics, figures and long work of operators, kinds of problems.",
 }
 FASTAPI_ERRORS = ("HTTPValidationError", "ValidationError")
@@ -203,9 +211,11 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.request_classes,
         session_factory(probing),
         CapacityLimiter(2),
+        edition_note,
     )
     app.state.callers = Callers(url, session_factory(engine))
     app.state.logins = Logins(Provider(settings) if settings.oidc_issuer else None)
+    app.state.archives = RequestClass(archive.AT_ONCE, for_others=archive.AT_ONCE)
     app.state.drawing = Drawing(settings.pictures_waiting)
     streams = Shares(settings.events_max, settings.events_per_client)
     app.state.feed = feed.Feed(

@@ -34,6 +34,7 @@ SQL_PLACES = {
     for place in (
         "access/quotas.py",
         "access/store.py",
+        "access/zone_store.py",
         "changes/store.py",
         "changes/webhooks/store.py",
         "core/caller.py",
@@ -49,6 +50,7 @@ SQL_PLACES = {
         "drives/claims.py",
         "drives/listing.py",
         "drives/parts/reading.py",
+        "drives/person/store.py",
         "drives/store.py",
         "drives/tracks.py",
         "drives/trials/store.py",

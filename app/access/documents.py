@@ -11,6 +11,7 @@ from pydantic import AwareDatetime, BaseModel, Field, StringConstraints
 from app.access import store
 from app.access.quotas import Standing
 from app.core.settings.access import QUOTA_MOST, PublicMap
+from app.core.settings.places import MOST_KEEP_DAYS
 
 Name = Annotated[
     str,
@@ -22,6 +23,7 @@ _OWNER_EXAMPLE: dict[str, Any] = {"id": 2, "name": "bus fleet"}
 _OWNER_DOCUMENT = {
     **_OWNER_EXAMPLE,
     "created_at": "2026-11-27T08:00:00Z",
+    "removed_at": None,
     "keys": 12,
     "drives": 340,
     "bytes": 912_004_311,
@@ -34,7 +36,14 @@ _TODAY_EXAMPLE: dict[str, Any] = {
     "quota_bytes": None,
     "until": "2026-11-28T00:00:00Z",
 }
-_FIGURES_EXAMPLE = {**_OWNER_DOCUMENT, "quota_drives": 100, "quota_bytes": None, "today": _TODAY_EXAMPLE}
+_FIGURES_EXAMPLE = {
+    **_OWNER_DOCUMENT,
+    "quota_drives": 100,
+    "quota_bytes": None,
+    "keep_logs_days": None,
+    "logs_kept_days": 30,
+    "today": _TODAY_EXAMPLE,
+}
 _KEY_EXAMPLE: dict[str, Any] = {
     "id": "5b6a3f0e-2f0c-4b8e-9a51-0c1d2e3f4a5b",
     "label": "bus 7",
@@ -51,6 +60,7 @@ _NEW_KEY_EXAMPLE = {"label": "bus 7", "scope": "upload", "owner": "bus fleet"}
 _SESSION_EXAMPLE: dict[str, Any] = {
     "access": "keys",
     "public_map": "off",
+    "public_owners": None,
     "login_provider": False,
     "scope": "own",
     "owner": _OWNER_EXAMPLE,
@@ -70,9 +80,14 @@ class Owner(OwnerName, json_schema_extra={"examples": [_OWNER_DOCUMENT]}):
     """A person, a fleet or an office: has keys and drives."""
 
     created_at: datetime = Field(description="When it was made.")
+    removed_at: datetime | None = Field(
+        description="When its removal was asked for, which is under way; null: it was not."
+    )
     keys: int = Field(description="Its keys that are not revoked.")
     drives: int = Field(description="Its drives.")
-    bytes: int = Field(description="What their logs take, as stored.")
+    bytes: int = Field(
+        description="What their logs took as they were stored, those included that were deleted since."
+    )
 
     @classmethod
     def of(cls, owner: store.Owner) -> Self:
@@ -97,16 +112,29 @@ _OwnQuota = Annotated[
 ]
 
 
+_OwnKeeping = Annotated[
+    Annotated[int, Field(strict=True, ge=0, le=MOST_KEEP_DAYS)] | None,
+    Field(
+        description="Days for which logs of this owner are kept after their drives are done or failed; `0`: until the "
+        "drive is done, where it failed a day. Results stay, but a drive without its log cannot be computed again. "
+        "Null: as the service keeps those of all."
+    ),
+]
+
+
 class OwnerFigures(Owner, json_schema_extra={"examples": [_FIGURES_EXAMPLE]}):
     """An owner, what it has, and what it may upload."""
 
     quota_drives: _OwnQuota
     quota_bytes: _OwnQuota
+    keep_logs_days: _OwnKeeping
+    logs_kept_days: int | None = Field(description="Days that hold for this owner; null: for good.")
     today: Today
 
     @classmethod
-    def standing(cls, owner: store.Owner, now: Standing) -> Self:
-        """The document of an owner as it stands now."""
+    def standing(cls, owner: store.Owner, now: Standing, keep_logs_days: int | None) -> Self:
+        """The document of an owner as it stands now; ``keep_logs_days``: of owners that did not say it."""
+        kept = keep_logs_days if owner.keep_logs_days is None else owner.keep_logs_days
         today = Today(
             day=now.day,
             drives=now.drives.used,
@@ -115,10 +143,17 @@ class OwnerFigures(Owner, json_schema_extra={"examples": [_FIGURES_EXAMPLE]}):
             quota_bytes=now.bytes.most,
             until=now.until,
         )
-        return cls(**vars(owner), quota_drives=now.own.drives, quota_bytes=now.own.bytes, today=today)
+        own = {"quota_drives": now.own.drives, "quota_bytes": now.own.bytes}
+        return cls(**vars(owner), **own, logs_kept_days=kept, today=today)
 
 
-class OwnerChange(BaseModel, extra="forbid", json_schema_extra={"examples": [{"quota_drives": 100}]}):
+class KeepingChange(BaseModel, extra="forbid", json_schema_extra={"examples": [{"keep_logs_days": 0}]}):
+    """What an owner changes of itself; what is not named stays."""
+
+    keep_logs_days: _OwnKeeping = None
+
+
+class OwnerChange(KeepingChange, json_schema_extra={"examples": [{"quota_drives": 100}]}):
     """What is to be another way; what is not named stays."""
 
     quota_drives: _OwnQuota = None
@@ -193,6 +228,10 @@ class SessionDocument(BaseModel, json_schema_extra={"examples": [_SESSION_EXAMPL
 
     access: Literal["keys", "open"] = Field(description="Whether keys are asked for.")
     public_map: PublicMap = Field(description="What of the map is answered without a key.")
+    public_owners: int | None = Field(
+        description="Owners who have to have driven a segment before it is shown without a key; null: it does not "
+        "depend on that."
+    )
     login_provider: bool = Field(description="Whether browsers can log in at a provider: `/v1/session/oidc`.")
     scope: KeyScope | None = Field(description="The caller's scope; null: it is nobody.")
     owner: OwnerName | None = Field(description="The caller's owner.")

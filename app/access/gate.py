@@ -120,11 +120,12 @@ class Gate:
         self.app = app
         self._open = settings.access == "open"
         self._map: CallerScope = "own" if settings.shown_map == "off" else "nobody"
-        # Of whom what is seen of the map is an edition. Operators see it as it is now.
+        # Of whom what is seen of the map is an edition. Operators see it as it is now; a key that can only upload lies
+        # about in devices, and shows no more than none.
         self._see_editions: frozenset[CallerScope] = frozenset()
         if settings.shown_map == "releases":
-            owners: tuple[CallerScope, ...] = ("upload", "own") if settings.owners_see_editions else ()
-            self._see_editions = frozenset(("nobody", *owners))
+            owners: tuple[CallerScope, ...] = ("own",) if settings.owners_see_editions else ()
+            self._see_editions = frozenset(("nobody", "upload", *owners))
         self._rules = Rules(routes)
         self._proxy = Proxy.of(settings)
         # What an upload still sends is read for a while, so that its client reads the refusal.

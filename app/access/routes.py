@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from app.access import store
 from app.access.documents import (
+    KeepingChange,
     Key,
     Keys,
     MadeKey,
@@ -64,10 +65,9 @@ def make_key(request: NewKey, response: Response, service: ServiceDep, origin: O
         raise BadRequestError.about("expires_at", "that is past already.")
     response.headers["Cache-Control"] = "no-store"
     with service.sessions.begin() as session:
-        owner_id = caller.owner_id
+        owner_id = store.own_id()
         if request.owner is not None:
             owner_id = existing(store.owner_named(session, request.owner), "owner", request.owner).id
-        assert owner_id is not None  # noqa: S101 - whoever may do this has an owner
         if len(store.list_keys(session, owner_id)) >= MOST_KEYS:
             raise TooManyError(
                 f"This owner has had {MOST_KEYS} keys, as many as one may. Rotate one of them."
@@ -140,10 +140,21 @@ def make_owner(request: NewOwner, service: ServiceDep, origin: Origin) -> Owner:
 @router.get("/owner", summary="The caller's owner", response_model=OwnerFigures, responses=problems(401, 403))
 def own_figures(service: ServiceDep) -> OwnerFigures:
     """What the caller's owner has, what it uploaded today, and what it may."""
-    owner_id = present_caller().owner_id
-    assert owner_id is not None  # noqa: S101 - whoever may do this has an owner
     with service.reading() as session:
-        return _figures(session, service, owner_id)
+        return _figures(session, service, store.own_id())
+
+
+@router.patch(
+    "/owner",
+    summary="Change for how long one's logs are kept",
+    response_model=OwnerFigures,
+    responses={**UNREADABLE_BODY, **problems(401, 403, 422)},
+)
+def change_own(
+    service: ServiceDep, origin: Origin, body: Annotated[KeepingChange | None, Body()] = None
+) -> OwnerFigures:
+    """Logs that are older than that by now are deleted within minutes; what is deleted does not come back."""
+    return _change(service, origin, store.own_id(), body or KeepingChange())
 
 
 @router.get(
@@ -160,7 +171,7 @@ def get_owner(owner_id: OwnerId, service: ServiceDep) -> OwnerFigures:
 
 @router.patch(
     "/owners/{owner_id}",
-    summary="Change an owner's quotas",
+    summary="Change an owner's quotas, and for how long its logs are kept",
     response_model=OwnerFigures,
     responses={**UNREADABLE_BODY, **problems(401, 403, 404, 422)},
 )
@@ -170,17 +181,27 @@ def change_owner(
     origin: Origin,
     body: Annotated[OwnerChange | None, Body()] = None,
 ) -> OwnerFigures:
-    """Give an owner quotas of its own, or with null those of all again; from the next upload on."""
-    wish = (body or OwnerChange()).model_dump(exclude_unset=True)
-    changes = {name.removeprefix("quota_"): most for name, most in wish.items()}
+    """Give an owner what is its own, or with null what holds for all again: quotas from the next upload on."""
+    return _change(service, origin, owner_id, body or OwnerChange())
+
+
+def _change(service: Service, origin: str, owner_id: int, change: KeepingChange) -> OwnerFigures:
+    wish = change.model_dump(exclude_unset=True)
+    quotas = {name.removeprefix("quota_"): most for name, most in wish.items() if name.startswith("quota_")}
+    subject = f"owner {owner_id}"
     with service.sessions.begin() as session:
         before = _figures(session, service, owner_id)
-        own = OwnQuotas(before.quota_drives, before.quota_bytes)._replace(**changes)
-        set_quotas(session, owner_id, own)
-        audit.note(session, origin, "quotas changed", f"owner {owner_id}", **own._asdict())
+        if quotas:
+            own = OwnQuotas(before.quota_drives, before.quota_bytes)._replace(**quotas)
+            set_quotas(session, owner_id, own)
+            audit.note(session, origin, "quotas changed", subject, **own._asdict())
+        if "keep_logs_days" in wish:
+            store.set_keep_logs(session, owner_id, wish["keep_logs_days"])
+            audit.note(session, origin, "keeping of logs changed", subject, days=wish["keep_logs_days"])
         return _figures(session, service, owner_id)
 
 
 def _figures(session: Session, service: Service, owner_id: int) -> OwnerFigures:
     owner: store.Owner = existing(store.get_owner(session, owner_id), "owner", owner_id)
-    return OwnerFigures.standing(owner, standing(session, service.settings, owner_id, utc_now()))
+    now = standing(session, service.settings, owner_id, utc_now())
+    return OwnerFigures.standing(owner, now, service.settings.keep_logs_days)

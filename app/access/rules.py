@@ -42,6 +42,7 @@ _TABLE = {
         GET /login
         GET /map
         GET /openapi.json
+        GET /owner
         GET /problems
         GET /problems/{slug}
         GET /readyz
@@ -51,6 +52,8 @@ _TABLE = {
         GET /tileMatrixSets/WebMercatorQuad
         GET /upload
         GET /v1/methods
+        GET /v1/privacy
+        GET /v1/removals/{removal_id}
         GET /v1/session
         GET /v1/session/oidc
         GET /v1/session/oidc/done
@@ -92,6 +95,9 @@ _TABLE = {
         GET /tiles/{z}/{x}/{y}.pbf
         GET /v1/changes
         GET /v1/changes/events
+        GET /v1/editions
+        GET /v1/editions/{number}
+        GET /v1/editions/{number}/{name}
         GET /v1/elevation
         GET /v1/exports/formats
         GET /v1/regions
@@ -134,6 +140,11 @@ _TABLE = {
         DELETE /v1/keys/{key_id}
         POST /v1/keys/{key_id}/rotate
         GET /v1/owner
+        PATCH /v1/owner
+        DELETE /v1/owner
+        GET /v1/owner/archive
+        GET /v1/owner/zones
+        PUT /v1/owner/zones
         GET /v1/segments/{segment_id}/observations
         GET /v1/webhooks
         POST /v1/webhooks
@@ -156,6 +167,8 @@ _TABLE = {
         POST /v1/owners
         GET /v1/owners/{owner_id}
         PATCH /v1/owners/{owner_id}
+        DELETE /v1/owners/{owner_id}
+        GET /v1/owners/{owner_id}/archive
         GET /v1/rasters
     """,
 }

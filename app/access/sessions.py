@@ -260,6 +260,7 @@ def _document(service: Service, known: store.Known | None) -> SessionDocument:
     return SessionDocument(
         access=settings.access,
         public_map=settings.shown_map,
+        public_owners=settings.owners_needed if settings.shown_map == "releases" else None,
         login_provider=settings.oidc_issuer is not None,
         scope=None if caller.scope == "nobody" else caller.scope,
         owner=owner,

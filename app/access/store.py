@@ -17,8 +17,8 @@ from typing import Any
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
-from app.core.caller import OPERATOR_OWNER, Caller, Scope
-from app.core.errors import ConflictError
+from app.core.caller import OPERATOR_OWNER, Caller, Scope, present_caller
+from app.core.errors import ConflictError, UnauthorizedError
 
 KEY_PREFIX = "vsk_"
 """By it those who look for secrets in published code find a key."""
@@ -36,7 +36,11 @@ _LIST = text(
     + " WHERE CAST(:owner_id AS bigint) IS NULL OR k.owner_id = :owner_id ORDER BY o.name, k.created_at, k.id"
 )
 _KEY = text(_KEYS + " WHERE k.id = :id")
-_IS_VALID = "k.revoked_at IS NULL AND (k.expires_at IS NULL OR k.expires_at > now())"
+# Whoever is being removed has no key that lets anybody in, also where one was made just then.
+_STAYS = "EXISTS (SELECT FROM owners AS o WHERE o.id = {} AND o.removed_at IS NULL)"
+_IS_VALID = f"""
+    k.revoked_at IS NULL AND (k.expires_at IS NULL OR k.expires_at > now()) AND {_STAYS.format("k.owner_id")}
+"""
 _BY_SECRET = f"""
     SELECT k.scope, k.owner_id, k.id, k.expires_at, k.last_used_on FROM keys AS k
     WHERE k.secret_sha256 = :secret AND {_IS_VALID}
@@ -44,7 +48,8 @@ _BY_SECRET = f"""
 _BY_SESSION = f"""
     SELECT s.scope, s.owner_id, s.key_id AS id, least(s.expires_at, k.expires_at) AS expires_at, k.last_used_on
     FROM sessions AS s LEFT JOIN keys AS k ON k.id = s.key_id
-    WHERE s.secret_sha256 = :secret AND s.expires_at > now() AND (s.key_id IS NULL OR {_IS_VALID})
+    WHERE s.secret_sha256 = :secret AND s.expires_at > now() AND {_STAYS.format("s.owner_id")}
+        AND (s.key_id IS NULL OR {_IS_VALID})
 """  # noqa: S608 - constants
 _USED = text("UPDATE keys SET last_used_on = :day WHERE id = :id AND last_used_on IS DISTINCT FROM :day")
 _CREATE_KEY = text("""
@@ -56,7 +61,7 @@ _ROTATE = text("UPDATE keys SET secret_sha256 = :secret WHERE id = :id AND revok
 _END_SESSIONS = text("DELETE FROM sessions WHERE key_id = :id")
 _DROP_LINKS = text("DELETE FROM login_links WHERE key_id = :id")
 _OWNERS = """
-    SELECT o.id, o.name, o.created_at,
+    SELECT o.id, o.name, o.created_at, o.removed_at, o.keep_logs_days,
            (SELECT count(*) FROM keys AS k WHERE k.owner_id = o.id AND k.revoked_at IS NULL) AS keys,
            of_drives.drives, of_drives.bytes
     FROM owners AS o, LATERAL (
@@ -64,6 +69,8 @@ _OWNERS = """
         FROM drive_counts AS c WHERE c.owner_id = o.id AND c.status <> 'cancelled') AS of_drives
 """
 _CREATE_OWNER = text("INSERT INTO owners (name) VALUES (:name) ON CONFLICT (name) DO NOTHING RETURNING id")
+_HOLD_OWNER = text("SELECT id FROM owners WHERE id = versant_owner() AND removed_at IS NULL FOR KEY SHARE")
+_SET_KEEP_LOGS = text("UPDATE owners SET keep_logs_days = :days WHERE id = :owner_id")
 _KEEP_SESSION = text("""
     INSERT INTO sessions (secret_sha256, owner_id, scope, key_id, expires_at)
     VALUES (:secret, :owner_id, :scope, :key_id, :expires_at)
@@ -88,6 +95,10 @@ class Owner:
     id: int
     name: str
     created_at: datetime
+    removed_at: datetime | None
+    """When its removal was asked for."""
+    keep_logs_days: int | None
+    """Days for which a log is kept after its drive has ended; None: as the settings say it."""
     keys: int
     """Those that are not revoked."""
     drives: int
@@ -160,6 +171,27 @@ def create_owner(session: Session, name: str) -> Owner:
 def name_of_owner(session: Session, owner_id: int) -> str | None:
     """Its name, or None."""
     return session.execute(_NAME_OF_OWNER, {"id": owner_id}).scalar()
+
+
+def hold_owner(session: Session) -> None:
+    """Let the caller's owner not be removed before the transaction ends; ``UnauthorizedError`` where it is already.
+
+    What is then made of the owner's is there when its removal begins, and goes with it.
+    """
+    if session.execute(_HOLD_OWNER).first() is None:
+        raise UnauthorizedError("The owner of this key was removed meanwhile, with all that it had.")
+
+
+def own_id() -> int:
+    """The number of the present caller's owner."""
+    owner_id = present_caller().owner_id
+    assert owner_id is not None  # noqa: S101 - whoever comes past a rule that needs a key has one
+    return owner_id
+
+
+def set_keep_logs(session: Session, owner_id: int, days: int | None) -> None:
+    """Keep the owner's logs for so long after their drives have ended; None: as the settings say it."""
+    session.execute(_SET_KEEP_LOGS, {"owner_id": owner_id, "days": days})
 
 
 def caller_named(session: Session, name: str, *, operates: bool) -> Caller | None:

@@ -209,6 +209,7 @@ def release(
     day: datetime | None = opt(
         "The day of the edition; today (UTC) if not given.", "--day", formats=["%Y-%m-%d"]
     ),
+    output: Path | None = opt("Folder that the edition's files are written to as well.", "--output"),
     data_dir: Path | None = DATA_DIR,
     json_file: Path | None = JSON_FILE,
 ) -> None:
@@ -218,6 +219,7 @@ def release(
     make one every VERSANT_RELEASE_DAYS days by themselves where VERSANT_PUBLIC_MAP is releases. The service goes on.
     """
     from app.cli.database import sessions
+    from app.releases.keeping import copy_files
     from app.releases.run import in_words
     from app.releases.run import release as make
 
@@ -226,6 +228,8 @@ def release(
     with sessions(data_dir) as (settings, _), console.progress() as bars:
         of_day = None if day is None else day.date()
         edition = make(str(settings.database_url), settings, day=of_day, progress=bars.work("edition"))
+        if output is not None:
+            copy_files(settings, edition, output)
     seconds = time.perf_counter() - started
     typer.echo(f"{in_words(edition)} It took {seconds:.1f} s.")
     write_json(json_file, {**asdict(edition), "day": edition.day.isoformat(), "seconds": round(seconds, 3)})

@@ -28,8 +28,9 @@ MOST_WAITING = 400
 """In each class, of one client half as many: a map asks for some sixty tiles at once."""
 FOR_OTHERS = 2
 """Places of each class that only clients get who have none in it."""
-MORE_CONNECTIONS = 24
-"""To the database, beside those that a process keeps open: as many as the classes may need, and three."""
+MORE_CONNECTIONS = 25
+"""To the database, beside those that a process keeps open: as many as the classes may need, one for all archives of
+owners (``app.drives.person.archive``), and three."""
 WIDE_ZOOM = 12
 """Tiles of lower zooms have a class of their own."""
 CHANGES = "changes"
@@ -139,7 +140,7 @@ def class_of_tile(z: int) -> str:
 def make_request_classes(connections: int) -> dict[str, RequestClass]:
     """The classes, by name, of a process that keeps ``connections`` open and may open ``MORE_CONNECTIONS`` more.
 
-    Together they leave three connections for quick requests.
+    Together they leave four connections: one for archives, three for quick requests.
     """
     places = {"tiles": connections, "wide tiles": 2, SEARCHES: 2, PARTS: 2, CHANGES: 2, "figures": 1}
     return {name: RequestClass(size, for_others=FOR_OTHERS) for name, size in places.items()}

@@ -29,8 +29,9 @@ UNKNOWN_DATABASE = "unknown"
 NOTED_WITHIN = timedelta(hours=1)
 """The first upload's blob is there before its database is noted."""
 
-LOGS, EXPORTS, IMPORTS = "drives", "exports", "imports"
-"""Sections of a store: logs of drives, files that were made for somebody, and files that the operator imports."""
+LOGS, EXPORTS, IMPORTS, EDITIONS = "drives", "exports", "imports", "editions"
+"""Sections of a store: logs of drives, files that were made for somebody, files that the operator imports, and folders
+of files that are everybody's."""
 
 _DATABASES = "databases"
 
@@ -109,8 +110,13 @@ class BlobStore:
         """Remove the blob; one that is not there is no error."""
         files.remove_file(self._fs, f"{self._root}/{key}")
 
+    def delete_folder(self, key: str) -> None:
+        """Remove all blobs whose keys begin with this one and a slash; none is no error."""
+        with contextlib.suppress(FileNotFoundError):
+            self._fs.rm(f"{self._root}/{key}", recursive=True)
+
     def keys(self) -> list[str]:
-        """The keys of all complete blobs, sorted."""
+        """The keys of all complete blobs, sorted; of blobs in folders those of the folders."""
         return [f"{self._section}/{path.rsplit('/', 1)[-1]}" for path in sorted(self._list(self._section))]
 
     def sweep(self, older_than: timedelta = timedelta(days=1)) -> int:

@@ -3,6 +3,7 @@
 ServiceError            a request cannot be answered as asked
 ├── NotFoundError            what the address names does not exist (any more)
 ├── GoneError                a version of the map from which nobody can go on any more
+├── LogDeletedError          a drive is to be read again whose log is kept no longer
 ├── BadRequestError          a parameter or body cannot be used
 │   └── BadQueryError             the same on OGC routes, where the standard wants 400
 ├── BodyTooLargeError        an upload above the limit
@@ -83,6 +84,12 @@ class GoneError(ServiceError):
     """Nobody can go on from that version of the map any more."""
 
     answer = (410, "gone", "Start anew")
+
+
+class LogDeletedError(ServiceError):
+    """The owner keeps logs no longer than until they are computed, or for some days. What was computed of it stays."""
+
+    answer = (410, "log-deleted", "The log was deleted")
 
 
 class BadRequestError(ServiceError):

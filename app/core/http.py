@@ -5,7 +5,7 @@ Knows no route.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -47,6 +47,8 @@ class Service:
     probes: Sessions
     """Sessions on a connection of their own: a busy service still answers probes."""
     probe_threads: CapacityLimiter
+    edition_note: Callable[[Session], Mapping[str, Any]] = lambda _: {}
+    """The member ``edition`` of documents of the map, where the present caller sees an edition of it."""
     extents: dict[tuple[object, ...], Bounds | None] = field(default_factory=dict)
     """The network's extent by road version, kept because reading it scans every segment."""
 

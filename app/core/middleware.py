@@ -46,7 +46,9 @@ CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 FOR_PROBES = frozenset({"/healthz", "/readyz"})
 """Balancers ask for these under whatever name they know the machine by; the answers tell nothing about anybody."""
 ANY_HOST = "*"
-_IN_PARTS = re.compile(r"/v1/exports/[^/]+/file|/v1/drives/[^/]+/log")
+_AS_THEY_ARE = re.compile(
+    r"/v1/exports/[^/]+/file|/v1/editions/[^/]+/[^/]+|/v1/drives/[^/]+/log|/v1/owners?(/[^/]+)?/archive"
+)
 _HOST = re.compile(r"(\[(?P<literal>[0-9A-Fa-f:.]+)\]|(?P<name>[^:\[\]/@\s]+))(:\d*)?")
 PUBLISHED = (
     "/collections",
@@ -102,11 +104,12 @@ class CollectAfterRequests:
 
 
 class Compressed(GZipMiddleware):
-    """Compresses answers, except files that are fetched in parts: ranges and digests refer to their own bytes."""
+    """Compresses answers, but for files that are fetched in parts, whose ranges and digests are those of their own
+    bytes, and for archives, which are compressed."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Compress the answer where that is wanted."""
-        if _IN_PARTS.fullmatch(scope.get("path", "")):
+        if _AS_THEY_ARE.fullmatch(scope.get("path", "")):
             await self.app(scope, receive, send)
         else:
             await super().__call__(scope, receive, send)

@@ -16,6 +16,7 @@ from pydantic import BaseModel, Field
 
 from app.core.caller import present_caller
 from app.core.db import Bounds
+from app.core.errors import LogDeletedError
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
@@ -47,6 +48,7 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "epochs": 549,
     "distance_m": 6240.3,
     "bbox": [8.4611, 48.9512, 8.4987, 48.9838],
+    "log_deleted_at": None,
     "report": {"matched_share": 0.98, "breaks": [], "rejected_segments": 0, "warnings": []},
     "links": [{"href": EXAMPLE_DRIVE, "rel": "self", "type": "application/json"}],
 }
@@ -123,12 +125,24 @@ class Drive(
     epochs: int | None
     distance_m: float | None
     bbox: Bounds | None = Field(description="West, south, east, north; degrees.")
+    log_deleted_at: Moment | None = Field(
+        description="When its log was deleted, because its owner keeps logs no longer; null: it is there. Results "
+        "stay, but the drive cannot be computed again."
+    )
     report: dict[str, Any] | None = Field(
         description="Of the last successful run: matched share and breaks, learned noise, mount, what each sensor "
         "contributes, on how many segments it contradicts other drives now (rejected_segments), how positions were "
         "computed (gnss: epochs solved and predicted, satellites, clock jumps ...), warnings, versions ..."
     )
     links: list[Link] = Field(default_factory=list)
+
+    def require_log(self) -> None:
+        """``LogDeletedError`` where it was deleted."""
+        if self.log_deleted_at is not None:
+            raise LogDeletedError(
+                f"The log of drive {self.id} was deleted, for its owner keeps logs no longer. What was computed of it "
+                "stays, and is not computed again. To have it computed anew, remove the drive and upload its log."
+            )
 
     # The service's own, in no document.
     blob_key: str = Field(exclude=True)
@@ -232,8 +246,7 @@ def drive_links(base: str, drive: Drive) -> list[Link]:
     ]
     if not present_caller().may("own"):
         return links
-    return [
-        *links,
+    links += [
         link(f"{here}/track", "track", GEO_JSON, "Its estimated track"),
         link(f"{here}/track?f=gpx", "track", "application/gpx+xml", "The same for other programs"),
         link(f"{here}/track?f=csv", "track", "text/csv", "The same as a log"),
@@ -241,10 +254,14 @@ def drive_links(base: str, drive: Drive) -> list[Link]:
         link(f"{here}/profile?f=png", "profile", "image/png", "Its elevation profile as a picture"),
         link(f"{here}/segments", "segments", GEO_JSON, "Its estimates per road segment"),
         link(f"{here}/measurements", "measurements", title="What its sensors said along it"),
-        link(f"{here}/log", "enclosure", "application/octet-stream", "Its log as it was uploaded"),
         link(f"{here}/trials", "trials", title="What other methods made of it; POST: try one"),
-        link(f"{here}/reprocess", "reprocess", title="POST: process it again"),
     ]
+    if drive.log_deleted_at is None:
+        links += [
+            link(f"{here}/log", "enclosure", "application/octet-stream", "Its log as it was uploaded"),
+            link(f"{here}/reprocess", "reprocess", title="POST: process it again"),
+        ]
+    return links
 
 
 def removal_links(base: str) -> list[Link]:

@@ -15,6 +15,7 @@ from typing import Any
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
+from app.access.store import hold_owner
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.caller import as_caller, present_caller
 from app.core.databases import database_identity
@@ -51,8 +52,9 @@ def register_upload(
     ``count`` is told of a new one's size within that transaction, and may refuse it by an error.
 
     Content that the caller's owner has already gives the drive that has it, which keeps its own blob unless that is
-    lost. The new blob becomes the drive's or is deleted. It stays where nobody can tell whether it became a drive's, as
-    when this process dies: ``sweep_blobs`` later removes blobs without a drive.
+    lost; one whose log was deleted, because its owner keeps logs no longer, gets none by that. The new blob becomes the
+    drive's or is deleted. It stays where nobody can tell whether it became a drive's, as when this process dies:
+    ``sweep_blobs`` later removes blobs without a drive.
     """
     caller = present_caller()
     request = _Request({"filename": filename, "method": method, "options": options or {}}, count)
@@ -110,6 +112,7 @@ def _add(
             drives.wait_at_most(session, wait_s)
         # Before the drive refers to the blob: another database's sweep must not take it for an orphan.
         blobs.register_database(database_identity(session))
+        hold_owner(session)
         drive, created = _create_or_heal(session, blobs, blob, request)
         try:
             session.commit()
@@ -153,7 +156,7 @@ def _create_or_heal(
             if request.count is not None:  # last: others of the same owner wait from here to the commit
                 request.count(session, blob.size_bytes)
             return drive, True
-        if blobs.exists(drive.blob_key):
+        if drive.log_deleted_at is not None or blobs.exists(drive.blob_key):
             return drive, False
         if drives.give_blob(session, drive, **stored):
             break
@@ -173,7 +176,8 @@ def reprocess(
     options: Mapping[str, Any] | None = None,
     positioning: Mapping[str, Any] | None = None,
 ) -> Drive | None:
-    """Queue the drive again; without ``method`` with the method and options it had. None: no such drive.
+    """Queue the drive again; without ``method`` with the method and options it had. None: no such drive;
+    ``LogDeletedError``: it has no log any more.
 
     ``positioning`` is put into the options (``with_positioning``).
     """
@@ -181,6 +185,7 @@ def reprocess(
         former = drives.get_drive(session, drive_id)
         if former is None:
             return None
+        former.require_log()
         chosen = chosen_anew(method, options, positioning or {}, (former.method, former.options))
         drive = drives.request_reprocess(session, drive_id, *chosen)
         if drive is not None:

@@ -134,7 +134,7 @@ def delete_drive(drive_id: uuid.UUID, service: ServiceDep, base: BaseUrl, origin
     "/{drive_id}/reprocess",
     status_code=202,
     summary="Process a drive again",
-    responses={**UNREADABLE_BODY, **problems(403, 404, 413, 422, 503)},
+    responses={**UNREADABLE_BODY, **problems(403, 404, 410, 413, 422, 503)},
 )
 def reprocess_drive(
     drive_id: uuid.UUID,
@@ -148,7 +148,7 @@ def reprocess_drive(
 
     With neither a method nor options it keeps both; with a method alone, that method's defaults are used. `gnss` and
     `gnss_option` change how positions are computed, and nothing else.
-    What it published stays until the new run replaces it.
+    What it published stays until the new run replaces it. 410 where its log was deleted (`log_deleted_at`).
     """
     method, gnss, wanted_options = query.method, query.gnss, query.asked_options()
     if body is not None:

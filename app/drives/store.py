@@ -19,7 +19,7 @@ from sqlalchemy.orm import Session
 from app.changes.webhooks.store import forget_drives
 from app.core.caller import present_caller, seeing_all
 from app.core.db import plain_json, plain_text
-from app.core.tables import IS_SHOWN
+from app.core.tables import HAS_LOG, IS_SHOWN
 from app.core.telemetry.tracing import traceparent
 from app.drives.documents import Drive, DrivePlace
 from app.drives.listing import Order, key_of, matching, stretches
@@ -105,7 +105,7 @@ _ASK_ANEW = text(
     f"""
     UPDATE drives
     SET {ANEW}, method = :method, options = CAST(:options AS jsonb), batch_id = NULL, before_batch = NULL
-    WHERE id = :id AND status <> 'cancelled' RETURNING id
+    WHERE id = :id AND status <> 'cancelled' AND {HAS_LOG} RETURNING id
     """  # noqa: S608 - constants
 )
 
@@ -114,7 +114,7 @@ MOST_READS = 3
 """Of one page, while drives of it are being removed."""
 
 _WAIT_AT_MOST = text("SELECT set_config('lock_timeout', :timeout, true)")
-_BLOBS = text("SELECT blob_key FROM drives")
+_BLOBS = text(f"SELECT blob_key FROM drives WHERE {HAS_LOG}")  # noqa: S608 - a constant
 
 
 def create_drive(
@@ -261,7 +261,7 @@ def forget(session: Session, drive_ids: Collection[uuid.UUID]) -> None:
 
 
 def unreferenced_blobs(session: Session, keys: Sequence[str]) -> list[str]:
-    """Those of ``keys`` that no drive refers to, sorted."""
+    """Those of ``keys`` that no drive refers to whose log is kept, sorted."""
     referred = set(session.execute(_BLOBS).scalars()) if keys else set()
     return sorted(set(keys) - referred)
 

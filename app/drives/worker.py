@@ -18,6 +18,7 @@ from app.changes import store as changes
 from app.changes.store import begin_epoch
 from app.changes.webhooks import telling
 from app.changes.webhooks.telling import Teller
+from app.core.blobs import EXPORTS
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
 from app.core.settings.places import FilePlace
@@ -27,6 +28,7 @@ from app.drives import claims, intake, publishing
 from app.drives.batches import enqueuing
 from app.drives.batches.removing import removing_task
 from app.drives.batches.touched import queue_touched
+from app.drives.person import removal, retention
 from app.drives.process import give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.trials.run import TRIAL
@@ -191,6 +193,16 @@ def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[
         (partial(publishing.settle_quietly, sessions), "no cell could be settled", SETTLE_LOOK_EVERY_S),
         (partial(renew, sessions), "what an update left could not be done", RENEW_EVERY_S),
         (partial(enqueuing.tend, sessions), "batches could not be continued", enqueuing.TEND_EVERY_S),
+        (
+            partial(removal.look_after, sessions, context.part(EXPORTS)),
+            "owners could not be removed",
+            removal.LOOK_EVERY_S,
+        ),
+        (
+            partial(retention.delete_due, sessions, blobs, context.settings.keep_logs_days),
+            "logs that were kept long enough could not be deleted",
+            retention.LOOK_EVERY_S,
+        ),
         (heights.piece, "heights could not be filled in", RENEW_EVERY_S),
         (
             partial(figures.renew_one, sessions),

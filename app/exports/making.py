@@ -210,10 +210,23 @@ def make_file(
     share of the work done, and may end it by raising. Raises ``FusionError`` for what cannot be made, ``OSError`` and
     GDAL's errors.
     """
-    query = request.query(session)
-    source = Source(session, settings.dem_dir, query, on_progress, full_zoom=settings.tile_full_zoom)
     state = data_state(session)
     origin = provenance(session, settings.dem_dir, state, request)
+    return make_stated(session, settings, request, path, on_progress, state, origin)
+
+
+def make_stated(
+    session: Session,
+    settings: Settings,
+    request: Request,
+    path: Path,
+    on_progress: OnProgress,
+    state: State,
+    origin: Mapping[str, Any],
+) -> Made:
+    """As ``make_file``, with this document on the origin of the data in it (``provenance``)."""
+    query = request.query(session)
+    source = Source(session, settings.dem_dir, query, on_progress, full_zoom=settings.tile_full_zoom)
     stated = statements(origin["attribution"], origin["height_datum"])
     stated |= {"changed_at": origin["changed_at"], "provenance": dumps(origin)}
     count = request.format.write(source, path, stated, request.options)

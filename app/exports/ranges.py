@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import BinaryIO
 
@@ -11,6 +13,7 @@ from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
 from app.core.errors import STATUS_KINDS
+from app.core.http import not_modified
 from app.core.problems import problem_response
 
 CHUNK_BYTES = 256 * 1024
@@ -24,6 +27,33 @@ OpenedFile = Callable[[], tuple[BinaryIO, Mapping[str, str]]]
 
 class NoSuchRangeError(Exception):
     """The file ends before the range."""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A file that is stored with its checksum."""
+
+    sha256: str
+    """Of all its bytes, hex; in quotes it is the file's ETag."""
+    size_bytes: int
+    media_type: str
+
+
+def stored_answer(
+    request: Request, stored: Stored, opened: Callable[[], BinaryIO], headers: Mapping[str, str]
+) -> Response:
+    """A stored file as ``file_answer`` answers, with its checksum; 304 where the client has it.
+
+    ``headers``: of all answers with it, Cache-Control among them.
+    """
+    etag = f'"{stored.sha256}"'
+    if unchanged := not_modified(request, {"ETag": etag, "Cache-Control": headers["Cache-Control"]}):
+        return unchanged
+    # Of the whole file, whatever part of it comes.
+    digest = f"sha-256=:{base64.b64encode(bytes.fromhex(stored.sha256)).decode()}:"
+    shown = {**headers, "ETag": etag, "Accept-Ranges": "bytes", "Repr-Digest": digest}
+    whole = {"Content-Digest": digest}
+    return file_answer(request, etag, stored.size_bytes, stored.media_type, lambda: (opened(), shown), whole)
 
 
 def file_answer(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import logging
 import uuid
 from collections.abc import Iterator
@@ -13,13 +12,13 @@ from fastapi import APIRouter, Query, Request, Response
 
 from app.core.blobs import EXPORTS, BlobStore
 from app.core.errors import BadQueryError, BadRequestError, NotDoneError, NotFoundError
-from app.core.http import UNREADABLE_BODY, BaseUrl, Service, ServiceDep, existing, not_modified, problems
+from app.core.http import UNREADABLE_BODY, BaseUrl, Service, ServiceDep, existing, problems
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 from app.core.telemetry.logs import tell
 from app.exports import documents, store
-from app.exports.ranges import file_answer
+from app.exports.ranges import Stored, stored_answer
 from app.exports.store import exports
 from app.jobs.requests.listing import AfterQuery, page_of
 from fusion.errors import BadOptionsError, RoadsError, UnknownNameError
@@ -104,7 +103,10 @@ def list_exports(
 
 @router.get("/formats", summary="Formats of exports")
 def list_formats() -> documents.ExportFormats:
-    """What can be asked for, with the options of each. Options that name files are for `versant export` alone."""
+    """What can be asked for, with the options of each. Options that name files are for `versant export` alone.
+
+    Who has no key finds files of the map at `/v1/editions`, where the service makes editions.
+    """
     # Some formats stand on large libraries: an API that nobody asks for files does without them.
     from app.exports.formats import FORMATS  # noqa: PLC0415
 
@@ -158,23 +160,19 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
 def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Response:
     """The bytes as they were made, resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the whole file."""
     export = _done(service, export_id)
-    etag, size = f'"{export.sha256}"', int(export.size_bytes or 0)
-    shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
-    if unchanged := not_modified(request, {"ETag": etag, "Cache-Control": "no-cache"}):
-        return unchanged
-    # Of the whole file, whatever part of it comes.
-    digest = f"sha-256=:{base64.b64encode(bytes.fromhex(str(export.sha256))).decode()}:"
-    names = {"Content-Disposition": f'attachment; filename="{export.file_name}"', "Repr-Digest": digest}
+    stored = Stored(str(export.sha256), int(export.size_bytes or 0), export.media_type)
+    disposition = f'attachment; filename="{export.file_name}"'
 
-    def opened() -> tuple[BinaryIO, dict[str, str]]:
+    def opened() -> BinaryIO:
         try:
-            return _blobs(service).open(str(export.blob_key), BLOCK_BYTES), shared | names
+            return _blobs(service).open(str(export.blob_key), BLOCK_BYTES)
         except FileNotFoundError:
             raise NotFoundError(
                 f"The file of export {export_id} is gone from the storage. Ask for it again."
             ) from None
 
-    return file_answer(request, etag, size, export.media_type, opened, {"Content-Digest": digest})
+    headers = {"Cache-Control": "no-cache", "Content-Disposition": disposition}
+    return stored_answer(request, stored, opened, headers)
 
 
 @router.get(

@@ -166,6 +166,7 @@ def get_segment(
     """
     with service.reading() as session:
         row = existing(segments.get_segment(session, segment_id, gaps=bool(gaps)), "segment", segment_id)
+        note = service.edition_note(session)
     here = f"{base}/v1/segments/{segment_id}"
     item = f"{base}/collections/segments/items/{segment_id}"
     observations = [link(f"{here}/observations", "observations", title="The drives behind it")]
@@ -177,7 +178,7 @@ def get_segment(
         link(with_query(f"{here}/profile", gaps=gaps), "related", title="The heights along it"),
         link(with_query(item, gaps=gaps), "alternate", GEO_JSON),
     ]
-    return geojson_response({**row.geojson(), "links": link_documents(links)})
+    return geojson_response({**row.geojson(), **note, "links": link_documents(links)})
 
 
 @router.get(

@@ -14,6 +14,8 @@ from app.map.derived.following import follow_all
 from app.network.locks import releasing_alone
 from app.network.swap import solve_all_marked
 from app.releases import serving, store
+from app.releases.files import publish_files
+from app.releases.keeping import drop_files
 from app.releases.store import Edition
 from app.releases.telling import examine, tell
 from fusion.errors import FusionError
@@ -58,8 +60,8 @@ def release(
         progress("serving", 1.0)
         with live() as session:
             made = store.get_edition(session, number)
-    assert made is not None  # noqa: S101 - it was just added, and nobody else adds or takes away
-    return made
+        assert made is not None  # noqa: S101 - it was just added, and nobody else adds or takes away
+        return publish_files(live, edition, made, settings, progress)
 
 
 def is_due(sessions: Sessions, settings: Settings) -> bool:
@@ -87,16 +89,19 @@ def forget_where_removed(sessions: Sessions, settings: Settings) -> bool:
         return False
     with sessions() as session:
         removed = serving.any_removed(session)
-    return removed and forget(sessions)
+    return removed and forget(sessions, settings)
 
 
-def forget(sessions: Sessions) -> bool:
+def forget(sessions: Sessions, settings: Settings) -> bool:
     """Keep nothing of editions: the service makes none. Whether there was anything."""
     with releasing_alone(sessions) as alone:
         if not alone:
             return False
         with sessions.begin() as session:
-            return serving.forget_all(session)
+            editions = store.list_editions(session)
+            forgotten = serving.forget_all(session)
+        drop_files(settings, editions)
+        return forgotten
 
 
 @contextmanager

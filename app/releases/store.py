@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
+from app.core.caller import present_caller
 from app.core.db import fetch_binary
 from app.core.tables import IS_SHOWN
+from app.core.text import dumps
 from app.releases.ends import Circle, Driven, Timed
 
 
@@ -43,6 +45,16 @@ _COLUMNS = ", ".join(one.name for one in fields(Edition))
 _LIST = text(f"SELECT {_COLUMNS} FROM editions ORDER BY number DESC")  # noqa: S608 - constants
 _LATEST = text(f"SELECT {_COLUMNS} FROM editions ORDER BY number DESC LIMIT 1")  # noqa: S608 - constants
 _ONE = text(f"SELECT {_COLUMNS} FROM editions WHERE number = :number")  # noqa: S608 - constants
+# What every document of an edition says of it.
+_NOTED = ("number", "day", "owners", "owners_needed")
+_NAME_FILES = text("UPDATE editions SET files = CAST(:files AS jsonb) WHERE number = :number")
+# As they were, the rows of editions that named any file.
+_FORGET_FILES = text(f"""
+    UPDATE editions AS now SET files = '[]' FROM editions AS e
+    WHERE now.number = e.number AND e.files <> '[]'
+        AND e.number NOT IN (SELECT number FROM editions WHERE files <> '[]' ORDER BY number DESC LIMIT :keep)
+    RETURNING {", ".join(f"e.{one.name}" for one in fields(Edition))}
+""")  # noqa: S608 - constants
 
 
 def list_editions(session: Session) -> list[Edition]:
@@ -60,6 +72,27 @@ def get_edition(session: Session, number: int) -> Edition | None:
     """The edition of that number; None: there is none."""
     row = session.execute(_ONE, {"number": number}).one_or_none()
     return None if row is None else _edition(row)
+
+
+def edition_note(session: Session) -> dict[str, Any]:
+    """The member ``edition`` of a document of the map: which one the present caller sees; none of the live map."""
+    edition = latest_edition(session) if present_caller().sees == "edition" else None
+    return {} if edition is None else {"edition": identity(edition)}
+
+
+def identity(edition: Edition) -> dict[str, Any]:
+    """What every document of an edition says of it: which one it is, and among how many owners each is hidden."""
+    return {**{name: getattr(edition, name) for name in _NOTED}, "day": edition.day.isoformat()}
+
+
+def name_files(session: Session, edition: Edition) -> None:
+    """Note which files are kept of the edition: those that it names."""
+    session.execute(_NAME_FILES, {"number": edition.number, "files": dumps(edition.files)})
+
+
+def forget_files(session: Session, keep: int) -> list[Edition]:
+    """Let all editions but the newest that have files, ``keep`` of them, have none; what changed, as it was."""
+    return [_edition(row) for row in session.execute(_FORGET_FILES, {"keep": keep})]
 
 
 def _edition(row: Row[Any]) -> Edition:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import text
+from sqlalchemy import TextClause, text
 from sqlalchemy.orm import Session
 
 from app.core.caller import ROLES
-from app.core.tables import IS_SHOWN
+from app.core.tables import HAS_LOG, IS_SHOWN
 
 # These statements work on databases of every version, so that one can be backed up before it is migrated.
 _EXPORT = text("SELECT pg_export_snapshot()")
@@ -19,19 +19,17 @@ _VERSIONS = text("""
            current_setting('server_version') AS postgres,
            (SELECT extversion FROM pg_extension WHERE extname = 'postgis') AS postgis
 """)
-_BLOBS = text(f"""
-    SELECT DISTINCT ON (blob_key) blob_key, sha256, size_bytes FROM drives WHERE {IS_SHOWN.format("drives")}
-    ORDER BY blob_key
-""")  # noqa: S608 - constants
+_BLOBS = "SELECT DISTINCT ON (blob_key) blob_key, sha256, size_bytes FROM drives WHERE {of} ORDER BY blob_key"
+_KEEPS_FOR_DAYS = text("""
+    SELECT EXISTS (SELECT FROM information_schema.columns WHERE table_schema = current_schema()
+                   AND table_name = 'drives' AND column_name = 'log_deleted_at')
+""")
 _RASTERS = text("SELECT sources FROM dem_versions WHERE active")
 _HAS_REGIONS = text("SELECT to_regclass('regions') IS NOT NULL")
 _IS_FOLLOWED = text("SELECT to_regclass('change_epoch') IS NOT NULL")
 _ROAD_FILES = text("SELECT file_uri, file_sha256 FROM regions WHERE file_uri IS NOT NULL ORDER BY file_uri")
 _COUNTS = text("SELECT (SELECT count(*) FROM drives) AS drives, (SELECT count(*) FROM segments) AS segments")
-_WANTED_STILL = text(
-    f"SELECT blob_key FROM drives WHERE blob_key = ANY(CAST(:keys AS text[])) AND {IS_SHOWN.format('drives')} "  # noqa: S608
-    "ORDER BY 1"
-)
+_WANTED_STILL = "SELECT blob_key FROM drives WHERE blob_key = ANY(CAST(:keys AS text[])) AND {of} ORDER BY 1"
 
 # Tables, views and sequences that belong to no extension.
 _IS_EMPTY = text("""
@@ -91,9 +89,7 @@ _WORKERS = text("""
            (SELECT count(*) FROM jobless WHERE status = 'queued') AS queued,
            (SELECT count(*) FROM jobless WHERE status = 'running') AS running
 """)
-_DRIVE_BLOBS = text(
-    f"SELECT CAST(id AS text) AS id, blob_key FROM drives WHERE {IS_SHOWN.format('drives')} ORDER BY 1"  # noqa: S608
-)
+_DRIVE_BLOBS = "SELECT CAST(id AS text) AS id, blob_key FROM drives WHERE {of} ORDER BY 1"
 
 
 class Versions(NamedTuple):
@@ -138,7 +134,9 @@ def versions(session: Session) -> Versions:
 
 def contents(session: Session) -> Contents:
     """What the database refers to."""
-    blobs = {row.blob_key: (row.sha256, row.size_bytes) for row in session.execute(_BLOBS)}
+    blobs = {
+        row.blob_key: (row.sha256, row.size_bytes) for row in session.execute(_with_log(session, _BLOBS))
+    }
     rasters = [source for sources in session.execute(_RASTERS).scalars() for source in sources]
     regions = session.execute(_ROAD_FILES) if session.execute(_HAS_REGIONS).scalar_one() else ()
     road_files = {row.file_uri: row.file_sha256 for row in regions}
@@ -146,8 +144,8 @@ def contents(session: Session) -> Contents:
 
 
 def wanted_still(session: Session, keys: list[str]) -> list[str]:
-    """Those of the blobs whose drives are there and are not being removed."""
-    return list(session.execute(_WANTED_STILL, {"keys": keys}).scalars()) if keys else []
+    """Those of the blobs whose drives are there, are not being removed and have their log."""
+    return list(session.execute(_with_log(session, _WANTED_STILL), {"keys": keys}).scalars()) if keys else []
 
 
 def is_empty(session: Session) -> bool:
@@ -187,5 +185,11 @@ def workers(session: Session, silent_s: float) -> Workers:
 
 
 def drive_blobs(session: Session) -> dict[str, str]:
-    """The blob of every drive that is not being removed, by the drive's id."""
-    return {row.id: row.blob_key for row in session.execute(_DRIVE_BLOBS)}
+    """The blob of every drive that is not being removed and whose log is kept, by the drive's id."""
+    return {row.id: row.blob_key for row in session.execute(_with_log(session, _DRIVE_BLOBS))}
+
+
+def _with_log(session: Session, statement: str) -> TextClause:
+    """The statement of drives that are shown and have a log: of older databases all have."""
+    kept = f" AND {HAS_LOG}" if session.execute(_KEEPS_FOR_DAYS).scalar_one() else ""
+    return text(statement.format(of=IS_SHOWN.format("drives") + kept))

@@ -135,6 +135,7 @@ PAGES = {
     "/drives/{drive_id}": "drive",
     "/admin": "admin",
     "/keys": "keys",
+    "/owner": "owner",
     "/login": "login",
 }
 """Address -> page; that of a drive itself says where there is none."""

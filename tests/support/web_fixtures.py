@@ -16,6 +16,7 @@ import httpx
 import numpy as np
 import pytest
 import uvicorn
+from fastapi import FastAPI
 
 from app.core import databases
 from app.core.blobs import BlobStore
@@ -51,6 +52,8 @@ class Web:
     client: httpx.Client
     settings: Settings
     sessions: Sessions
+    app: FastAPI
+    """What answers, for what only it knows."""
 
     @property
     def context(self) -> JobContext:
@@ -63,9 +66,10 @@ class Web:
 
 @contextmanager
 def served(settings: Settings) -> Iterator[Web]:
+    app = create_app(settings)
     server = uvicorn.Server(
         uvicorn.Config(
-            create_app(settings),
+            app,
             host="127.0.0.1",
             port=0,
             log_level="critical",
@@ -83,7 +87,7 @@ def served(settings: Settings) -> Iterator[Web]:
     engine = make_engine(str(settings.database_url))
     try:
         with httpx.Client(base_url=base, trust_env=False, timeout=60, verify=TLS) as client:
-            yield Web(base, client, settings, session_factory(engine))
+            yield Web(base, client, settings, session_factory(engine), app)
     finally:
         server.should_exit = True
         thread.join(timeout=20)

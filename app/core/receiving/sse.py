@@ -143,10 +143,10 @@ async def events_of(
         news = await follower.next(within_s=HEARTBEAT_S)
 
 
-async def _while_known(
+async def while_known(
     still_known: Callable[[], Awaitable[bool]], events: AsyncIterable[Any]
 ) -> AsyncIterator[Any]:
-    """The events until the key that the caller showed is good no longer."""
+    """The events, or other pieces of a long answer, until the key that the caller showed is good no longer."""
     async for one in events:
         if not await still_known():
             return
@@ -163,7 +163,7 @@ class EventStream(StreamingResponse):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if (still_known := scope.get(STILL_KNOWN)) is not None:
-            self.body_iterator = _while_known(still_known, self.body_iterator)
+            self.body_iterator = while_known(still_known, self.body_iterator)
         try:
             await super().__call__(scope, receive, send)
         finally:

@@ -64,6 +64,8 @@ class Access(Places):
     owners_map: Literal["live", "releases"] = "live"
     """What owners see of the map besides their own drives, where PUBLIC_MAP is releases: the map as it is now, or
     editions as everybody. Whoever sees it as it is now sees where others drive; operators always do."""
+    editions_kept: int = Field(1, ge=1)
+    """So many editions keep their files, the newest ones. Files of older ones still hold what was removed since."""
     key: SecretStr | None = None
     """The key that `versant upload` and other clients send; unset: that of the data folder, to this machine alone."""
     quota_drives: int | None = Field(None, ge=0, le=QUOTA_MOST)

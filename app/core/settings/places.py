@@ -28,6 +28,10 @@ FilePlace = Path | RemoteFolder
 """Where such files are: in a folder that every process reaches, or elsewhere."""
 
 
+MOST_KEEP_DAYS = 36_500
+"""A hundred years."""
+
+
 def default_data_dir() -> Path:
     """``$XDG_DATA_HOME/versant``, or ``~/.local/share/versant`` where that variable is unset or relative."""
     base = Path(os.environ.get("XDG_DATA_HOME", ""))
@@ -79,6 +83,10 @@ class Places(BaseSettings):
     orphan_days: float = Field(7.0, ge=1)
     """Days after which a stored log without a drive, or an elevation raster in no use, is removed. Longer than the
     oldest backup of the database that may be restored, so that it finds its files."""
+    keep_logs_days: int | None = Field(None, ge=0, le=MOST_KEEP_DAYS)
+    """Days for which the log of a drive that is done or failed is kept, for owners that do not say it themselves; 0:
+    until it is done, where it failed a day. Results stay; without its log a drive cannot be computed again when roads
+    change. Unset: for good."""
     export_keep_days: float = Field(7.0, gt=0, le=365)
     """Days for which an export that is done is kept; asking again makes it anew."""
     exports_max_bytes: int = Field(20 * GIB, ge=0)

@@ -23,6 +23,9 @@ IS_SHOWN = "{}.status <> 'cancelled'"
 nobody is shown the drive or anything of it. Its row stays until the map is solved without it. Every statement that
 reads drives for somebody has this condition."""
 
+HAS_LOG = "log_deleted_at IS NULL"
+"""Drives that can be computed again: their owner still keeps the log."""
+
 WITHOUT_HEIGHTS = "dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL"
 """Segments that were imported before heights of the elevation model were kept, and wait for them."""
 
@@ -227,6 +230,8 @@ class Drive(Followed, Owned, Base):
     """When its last run ended; from then on it waited for its cells to be solved."""
     traceparent: Mapped[str | None]
     """The trace of the request that asked for it (W3C Trace Context); NULL where none is recorded."""
+    log_deleted_at: Mapped[datetime | None]
+    """When its log was deleted, because its owner keeps logs no longer; NULL: it is there."""
 
     __table_args__ = (
         *status_constraints(*DRIVE_STATUSES),
@@ -234,6 +239,8 @@ class Drive(Followed, Owned, Base):
         sa.UniqueConstraint("owner_id", "sha256"),
         sa.UniqueConstraint("owner_id", "content_sha256"),
         sa.Index(None, "owner_id", "created_at", "id"),
+        # Whose logs are to be deleted by now.
+        sa.Index(None, "owner_id", "finished_at", **where(HAS_LOG)),
         sa.Index(None, "created_at", "id"),
         sa.Index(None, "status", "created_at", "id"),
         sa.Index(None, "queued_at", **where("status = 'queued'")),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import uuid
 from datetime import date, datetime
+from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.orm import Mapped, mapped_column
@@ -25,6 +26,10 @@ class OwnerRow(Numbered, Base):
     quota_drives: Mapped[int | None] = mapped_column(sa.BigInteger)
     """Drives that it may upload in a day; NULL: as many as others. ``quota_bytes`` likewise."""
     quota_bytes: Mapped[int | None] = mapped_column(sa.BigInteger)
+    keep_logs_days: Mapped[int | None]
+    """Days for which a log is kept after its drive has ended; NULL: as others'."""
+    removed_at: Mapped[datetime | None]
+    """When its removal was asked for; the row goes when nothing of the owner is left."""
 
 
 class OwnerUse(Base):
@@ -97,3 +102,18 @@ class LoginLinkRow(Base):
     key_id: Mapped[uuid.UUID] = mapped_column(goes_with("keys"), index=True)
     created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     expires_at: Mapped[datetime]
+
+
+class OwnerRemoval(Base):
+    """The receipt of the removal of an owner, which outlasts it: counts and days, and nothing of a person."""
+
+    __tablename__ = "owner_removals"
+
+    id: Mapped[uuid.UUID] = mapped_column(primary_key=True)
+    """Known to whoever asked for the removal alone."""
+    owner_id: Mapped[int] = mapped_column(sa.BigInteger, unique=True)
+    """Numbers of owners are given once."""
+    asked_on: Mapped[date]
+    ended_on: Mapped[date | None]
+    """NULL: it is under way."""
+    counts: Mapped[dict[str, Any]]

@@ -34,8 +34,10 @@ _READ = text("""
     FROM audit_log AS a JOIN owners AS o ON o.id = a.owner_id
     WHERE a.at > now() - make_interval(days => CAST(:days AS integer)) ORDER BY a.at DESC, a.id DESC LIMIT :most
 """)
-
-
+_READ_OF = text("""
+    SELECT id, at, action, subject, detail, origin, key_id AS key FROM audit_log
+    WHERE owner_id = :owner_id AND id > :after ORDER BY id LIMIT :most
+""")
 _PRUNE = text("DELETE FROM audit_log WHERE id <= (SELECT max(id) FROM audit_log) - CAST(:kept AS bigint)")
 
 
@@ -77,3 +79,9 @@ def prune(session: Session, most: int = MOST_KEPT) -> None:
 def entries(session: Session, days: int, most: int = MOST_SHOWN) -> list[dict[str, Any]]:
     """At most ``most`` rows of the last ``days``, the newest first."""
     return [dict(row._mapping) for row in session.execute(_READ, {"days": days, "most": most})]
+
+
+def entries_of(session: Session, owner_id: int, after: int, most: int = MOST_SHOWN) -> list[dict[str, Any]]:
+    """At most ``most`` rows of an owner beyond the number ``after``, in their order."""
+    rows = session.execute(_READ_OF, {"owner_id": owner_id, "after": after, "most": most})
+    return [dict(row._mapping) for row in rows]

@@ -20,6 +20,9 @@ EXAMPLE_BATCH = "http://127.0.0.1:8000/v1/drives/reprocess?batch=7"
 HOPELESS = ("unknown-format", "empty-log", "malformed-log", "bad-log")
 """Kinds of failures that are the log's own fault: the same code finds the same again, whatever the method."""
 
+LOG_DELETED = "log-deleted"
+"""Among the reasons why a drive is left out: its owner keeps logs no longer."""
+
 
 class Which(StrEnum):
     """The drives that a batch begins from; further filters narrow them."""
@@ -121,7 +124,8 @@ class BatchAccepted(BaseModel, json_schema_extra={"examples": [_ACCEPTED]}):
     dry_run: bool
     skipped: dict[str, int] = Field(
         default={},
-        description="Failed drives that were left out, by the kind of their failure (see `force`).",
+        description="Drives that were left out: failed ones by the kind of their failure (see `force`), and those "
+        f"whose log was deleted (`{LOG_DELETED}`), done ones as well.",
     )
     note: str | None = Field(None, description="Why these were left out, or why no drive was chosen.")
     links: list[Link]
@@ -182,12 +186,18 @@ def note(
 ) -> str | None:
     """The sentences for whoever asked; None where all that was meant was chosen."""
     sentences = []
-    if skipped:
-        kinds = ", ".join(f"{count} {kind}" for kind, count in skipped.items())
+    hopeless = {kind: count for kind, count in skipped.items() if kind != LOG_DELETED}
+    if hopeless:
+        kinds = ", ".join(f"{count} {kind}" for kind, count in hopeless.items())
         sentences.append(
-            f"{_drives(sum(skipped.values()), 'failed ')} left out, because this version of the code has found that "
+            f"{_drives(sum(hopeless.values()), 'failed ')} left out, because this version of the code has found that "
             f"the log itself cannot be used, and would again: {kinds}. To try all the same, name the drive (--drive "
             "ID), name the kind of failure (--failure KIND, failure=KIND), or use --force (force=true)."
+        )
+    if without := skipped.get(LOG_DELETED):
+        sentences.append(
+            f"{_drives(without)} left out, because the log was deleted: the owner keeps logs no longer. What was "
+            "computed stays."
         )
     if not chosen and not skipped:
         sentences.append(f"Nothing was chosen. {_why_none(selection, method, standing)}")

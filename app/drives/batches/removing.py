@@ -120,7 +120,7 @@ def remove_drives(
     else:
         tell(logger, "removal of drives asked for", drives=sums.drives)
     if asked_at is not None:
-        _remove(service.sessions, targets, asked_at)
+        remove_all(service.sessions, targets, asked_at)
     links = [] if query.dry_run else removal_links(base)
     return Removal(
         **sums._asdict(), dry_run=query.dry_run, sentence=_sentence(sums, query.dry_run), links=links
@@ -132,7 +132,7 @@ def removing_task(sessions: Sessions) -> Task:
 
     def run(work: Work, *, asked_at: str, **arguments: Any) -> str:
         targets = Targets.model_validate(arguments)
-        return f"{_remove(sessions, targets, datetime.fromisoformat(asked_at), work.should_stop)} drives"
+        return f"{remove_all(sessions, targets, datetime.fromisoformat(asked_at), work.should_stop)} drives"
 
     def fail(kind: str, reason: str, **_: Any) -> None:
         logger.error("not all drives could be removed that were to be: %s", reason)
@@ -140,9 +140,10 @@ def removing_task(sessions: Sessions) -> Task:
     return Task(store.REMOVE_DRIVES, run, fail, subject="removal")
 
 
-def _remove(
-    sessions: Sessions, targets: Targets, asked_at: datetime, should_stop: Callable[[], bool] = never
+def remove_all(
+    sessions: Sessions, targets: Targets, asked_at: datetime | None, should_stop: Callable[[], bool] = never
 ) -> int:
+    """Cancel all that are meant, each with a job that takes it back; how many. ``asked_at`` None: those of now."""
     count, last = 0, None
 
     def piece(session: Session) -> bool:
@@ -152,7 +153,8 @@ def _remove(
         return last is not None
 
     do_pieces(sessions, piece, should_stop=should_stop)
-    tell(logger, "drives cancelled", drives=count, reason="their removal was asked for")
+    if count:
+        tell(logger, "drives cancelled", drives=count, reason="their removal was asked for")
     return count
 
 

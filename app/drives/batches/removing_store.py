@@ -63,6 +63,8 @@ class Targets(BaseModel, frozen=True):
     ids: tuple[uuid.UUID, ...] | None
     drives_of: int | None = None
     """The owner whose drives alone are meant: a worker that goes on sees those of all."""
+    whatever_they_do: bool = False
+    """Also those that wait or run: as drives that are named."""
 
 
 class Sums(NamedTuple):
@@ -89,7 +91,7 @@ def ask(session: Session, targets: Targets) -> datetime:
 
 
 def remove_piece(
-    session: Session, targets: Targets, asked_at: datetime, after: DrivePlace | None
+    session: Session, targets: Targets, asked_at: datetime | None, after: DrivePlace | None
 ) -> tuple[int, DrivePlace | None]:
     """Cancel the next drives after a place; how many, and the last of them: None, there are no more."""
     where, values = _where(targets, asked_at)
@@ -103,7 +105,9 @@ def remove_piece(
 
 def _where(targets: Targets, asked_at: datetime | None) -> tuple[str, Mapping[str, Any]]:
     where, values = conditions(targets.selection, targets.method)
-    statuses = ["done", "failed"] if targets.ids is None else ["done", "failed", "queued", "running"]
+    statuses = ["done", "failed"]
+    if targets.ids is not None or targets.whatever_they_do:
+        statuses += ["queued", "running"]
     ids = None if targets.ids is None else list(targets.ids)
     meant = {"statuses": statuses, "ids": ids, "asked_at": asked_at, "drives_of": targets.drives_of}
     return _MEANT + where, {**values, **meant}

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.drives.batches.documents import Batch, BatchState, Selection, Standing
+from app.core.tables import HAS_LOG
+from app.drives.batches.documents import LOG_DELETED, Batch, BatchState, Selection, Standing
 from app.drives.batches.selection import conditions, includes_hopeless
 from app.drives.queue import TASK, jobs_behind
 from app.drives.store import ANEW
@@ -40,10 +41,12 @@ _HOLD = text("""
 """)
 
 # In the order of uploads, as the queue will be; drives that were asked for since the batch was are of no concern.
-_SELECTED = """
+_ENDED = """
     FROM drives AS d
     WHERE d.status IN ('done', 'failed') AND d.queued_at <= coalesce(CAST(:asked_at AS timestamptz), now())
 """
+_SELECTED = f"{_ENDED} AND d.{HAS_LOG}"
+_WITHOUT_LOG = f"SELECT count(*) {_ENDED} AND NOT d.{HAS_LOG}"
 _OF_OWNER = " AND d.owner_id = :drives_of"
 _SKIPPED = "SELECT d.failure_kind, count(*) {selected} GROUP BY 1 ORDER BY 2 DESC, 1"
 _STANDING = text("""
@@ -221,14 +224,16 @@ def count_selected(session: Session, selection: Selection, method: str | None) -
 
 
 def count_skipped(session: Session, selection: Selection, method: str | None) -> dict[str, int]:
-    """How many drives are left out of a batch of this selection, by the kind of their failure, the commonest first."""
-    if includes_hopeless(selection):
-        return {}
-    where, values = conditions(selection, method, skipped=True)
-    counted = text(_SKIPPED.format(selected=_SELECTED + where))
-    return {
-        row[0]: row[1] for row in session.execute(counted, {**values, "asked_at": None, "method": method})
-    }
+    """How many drives are left out of a batch of this selection, by the kind of their failure, the commonest first;
+    last, as ``LOG_DELETED``, those of which there is no log any more."""
+    skipped: dict[str, int] = {}
+    if not includes_hopeless(selection):
+        where, values = conditions(selection, method, skipped=True)
+        counted = text(_SKIPPED.format(selected=_SELECTED + where))
+        skipped = {row[0]: row[1] for row in session.execute(counted, {**values, "asked_at": None})}
+    where, values = conditions(selection, method)
+    without = session.execute(text(_WITHOUT_LOG + where), {**values, "asked_at": None}).scalar_one()
+    return {**skipped, LOG_DELETED: without} if without else skipped
 
 
 def standing(session: Session) -> Standing:

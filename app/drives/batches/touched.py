@@ -9,6 +9,7 @@ from __future__ import annotations
 from sqlalchemy import text
 
 from app.core.db import Sessions
+from app.core.tables import HAS_LOG
 from app.drives.batches.store import BEFORE_BATCH, PIECE_DRIVES
 from app.drives.queue import TASK, jobs_behind
 from app.drives.store import ANEW
@@ -19,12 +20,12 @@ ROADS = '{"which": "roads"}'
 
 _ANY = text("SELECT EXISTS (SELECT FROM touched_drives)")
 # What waits or runs is looked at when it has ended. A run that knew the roads as they are need not be repeated; one
-# that failed is.
+# that failed is. What has no log any more stays as it is.
 _QUEUE = text(
     f"""
     WITH ended AS MATERIALIZED (
-        SELECT d.id, d.status = 'failed' OR coalesce((
-            SELECT max(v.road_state) FROM provenances AS v WHERE v.drive_id = d.id), -1) < t.road_state AS wanted
+        SELECT d.id, d.{HAS_LOG} AND (d.status = 'failed' OR coalesce((
+            SELECT max(v.road_state) FROM provenances AS v WHERE v.drive_id = d.id), -1) < t.road_state) AS wanted
         FROM touched_drives AS t JOIN drives AS d ON d.id = t.drive_id
         WHERE d.status IN ('done', 'failed')
         ORDER BY d.created_at, d.id LIMIT :piece FOR UPDATE OF d, t SKIP LOCKED

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, BinaryIO, Literal, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -39,6 +39,8 @@ OVERRIDES = "Overrides the Accept header."
 EstimatesQuery = Literal["geojson", "csv"] | None
 BLOCK_BYTES = 256 * 1024
 LONGEST_NAME = 200
+ZIP = b"PK\x03\x04"
+"""Begins one."""
 _NOT_PLAIN = re.compile(r'[^ -~]|["\\/%]')
 
 _ROADS = """
@@ -162,12 +164,17 @@ def attachment(name: str) -> str:
 
     Clients that do not know ``filename*`` (RFC 8187) get the name without characters beyond plain ASCII.
     """
-    name = re.sub(r"[\x00-\x1f\x7f]", "_", name.replace("\\", "/").rsplit("/", 1)[-1]).strip(" .")
-    name = name[-LONGEST_NAME:] or "file"
+    name = plain_name(name)
     header = f'attachment; filename="{_NOT_PLAIN.sub("_", name)}"'
     if _NOT_PLAIN.search(name) is None:
         return header
     return f"{header}; filename*=UTF-8''{quote(name.encode('utf-8', 'replace'), safe='')}"
+
+
+def plain_name(name: str) -> str:
+    """The name of a file without folders or control characters."""
+    name = re.sub(r"[\x00-\x1f\x7f]", "_", name.replace("\\", "/").rsplit("/", 1)[-1]).strip(" .")
+    return name[-LONGEST_NAME:] or "file"
 
 
 def as_file(name: str) -> dict[str, str]:
@@ -179,6 +186,15 @@ def stem_of(filename: str) -> str:
     """The name of a log without what says its format, for files that are made of it."""
     first = filename.split(", ", maxsplit=1)[0].replace("\\", "/").rsplit("/", 1)[-1]
     return first.removesuffix(".gz").rsplit(".", 1)[0] or "drive"
+
+
+def log_name(drive: Drive, file: BinaryIO) -> str:
+    """The name to keep a drive's log under: several files are kept as one zip."""
+    if ", " not in drive.filename or drive.filename.lower().endswith(".zip"):
+        return drive.filename
+    head = file.read(len(ZIP))
+    file.seek(0)
+    return f"{drive.filename}.zip" if head == ZIP else drive.filename
 
 
 def in_blocks(chunks: Iterator[str], size: int = BLOCK_BYTES) -> Iterator[str]:
@@ -194,6 +210,23 @@ def in_blocks(chunks: Iterator[str], size: int = BLOCK_BYTES) -> Iterator[str]:
     yield "".join(waiting)
 
 
+def profile_text(ids: Mapping[str, str], profile: Profile) -> bytes:
+    """The profile of a run as JSON, which begins with what it is of."""
+    return columns_text({**ids, **profile_json(profile)})
+
+
+def measurements_text(
+    ids: Mapping[str, str],
+    profile: Profile,
+    measurements: DrawnMeasurements | None,
+    points: int | None = None,
+) -> bytes:
+    """The measurements of a run as JSON, which begins with what it is of."""
+    document = measurements_json(profile, measurements, points)
+    sensors = b",".join(columns_text(sensor) for sensor in document["sensors"])
+    return dumps(dict(ids))[:-1].encode() + b',"sensors":[' + sensors + b"]}"
+
+
 async def profile_answer(service: Service, find: FindRun, form: str, points: int | None) -> Response:
     """The profile of a run as a CSV file, or as JSON."""
 
@@ -204,7 +237,7 @@ async def profile_answer(service: Service, find: FindRun, form: str, points: int
         if form == "csv":
             headers = as_file(f"{run.stem}-profile.csv")
             return Response("".join(profile_csv(profile)), media_type=CSV, headers=headers)
-        return Response(columns_text({**run.ids, **profile_json(profile)}), media_type=JSON, headers=VARY)
+        return Response(profile_text(run.ids, profile), media_type=JSON, headers=VARY)
 
     async with service.request_classes[PARTS].place():
         return await run_in_threadpool(answer)
@@ -217,9 +250,7 @@ async def measurements_answer(service: Service, find: FindRun, points: int | Non
         with service.reading() as session:
             run = find(session)
             profile, measurements = run.profile(), run.measurements()
-        document = measurements_json(profile, measurements, points)
-        sensors = b",".join(columns_text(sensor) for sensor in document["sensors"])
-        return Response(dumps(run.ids)[:-1].encode() + b',"sensors":[' + sensors + b"]}", media_type=JSON)
+        return Response(measurements_text(run.ids, profile, measurements, points), media_type=JSON)
 
     async with service.request_classes[PARTS].place():
         return await run_in_threadpool(answer)

@@ -57,6 +57,7 @@ from app.drives.parts.reading import (
     estimates_answer,
     form_of,
     in_blocks,
+    log_name,
     measurements_answer,
     profile_answer,
     run_of_drive,
@@ -73,7 +74,6 @@ GPX = "application/gpx+xml"
 BYTES = "application/octet-stream"
 BLOCK_BYTES = 2**20
 """Fetched of a bucket at once."""
-ZIP = b"PK\x03\x04"
 TRACKS = {"geojson": GEO_JSON, "csv": CSV, "gpx": GPX}
 PROFILES = {"json": JSON, "png": PNG, "csv": CSV}
 
@@ -266,16 +266,17 @@ async def drive_measurements(
         200: {"description": "The file.", **_FILE},
         206: {"description": "The part of it that `Range` asks for.", **_FILE},
         304: {"description": "Unchanged since the ETag."},
-        **problems(404, 416, 503),
+        **problems(404, 410, 416, 503),
     },
 )
 def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Response:
     """The bytes as they came, under their name; of several files the zip that they are kept as.
 
-    Resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the file.
+    Resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the file. 410 where the owner keeps logs no longer.
     """
     with service.reading() as session:
         drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+    drive.require_log()
     etag, size = f'"{drive.sha256}"', drive.size_bytes
     shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}
     if unchanged := not_modified(request, shared):
@@ -284,7 +285,7 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
     def opened() -> tuple[BinaryIO, dict[str, str]]:
         file = _opened(service, drive)
         return file, shared | {
-            "Content-Disposition": attachment(_name(drive, file)),
+            "Content-Disposition": attachment(log_name(drive, file)),
             "X-Content-Type-Options": "nosniff",
             "Content-Security-Policy": "sandbox",
         }
@@ -325,12 +326,3 @@ def _opened(service: Service, drive: Drive) -> BinaryIO:
             f"The uploaded file of drive {drive.id} is no longer in the service's storage. What was computed of it "
             "stays; upload the same file again, and the drive has it again."
         ) from None
-
-
-def _name(drive: Drive, file: BinaryIO) -> str:
-    """The name to keep the file under: several files are kept as one zip."""
-    if ", " not in drive.filename or drive.filename.lower().endswith(".zip"):
-        return drive.filename
-    head = file.read(len(ZIP))
-    file.seek(0)
-    return f"{drive.filename}.zip" if head == ZIP else drive.filename

@@ -76,7 +76,7 @@ def _of_trial(schema: dict[str, Any], example: dict[str, Any]) -> dict[str, Any]
     responses={
         200: {"model": TrialAccepted, "description": "Asked for before: that trial.", "headers": _LOCATION},
         202: {"description": "Queued.", "headers": _LOCATION},
-        **problems(403, 404, 409, 422, 503),
+        **problems(403, 404, 409, 410, 422, 503),
     },
 )
 def add_trial(
@@ -87,7 +87,7 @@ def add_trial(
     Nothing of it ever reaches the map. What is left out is chosen as for processing again: with neither a method nor
     options the drive's own, with a method alone that method's defaults. It waits behind uploads, goes with its drive,
     and is forgotten a week after its end; a drive has twenty at most (409). The same again answers with the same
-    trial, and tries it again if it failed.
+    trial, and tries it again if it failed. A drive whose log was deleted is tried no more (410).
     """
     options, positioning = query.asked_options(), asked_positioning(query.gnss, query.gnss_option)
     with service.reading() as session:

@@ -18,9 +18,9 @@ import pyarrow as pa
 from sqlalchemy import Select, Table, select, text
 from sqlalchemy.orm import Session
 
-from app.core.errors import NotFoundError, TooManyError
+from app.core.errors import LogDeletedError, NotFoundError, TooManyError
 from app.core.settings import Settings
-from app.core.tables import IS_SHOWN, Drive
+from app.core.tables import HAS_LOG, IS_SHOWN, Drive
 from app.core.tables.requests import DriveTrial
 from app.drives.tracks import stream
 from app.drives.trials.documents import KEPT, MOST_OF_A_DRIVE, Trial
@@ -47,7 +47,9 @@ def _rows(table: Table) -> Select[Any]:
 trials = RequestStore("trial", DriveTrial, Trial.of, TRY_DRIVE, "trials", rows=_rows)
 
 # A removal that is under way is waited for.
-_KEEP_DRIVE = text(f"SELECT d.id FROM drives AS d WHERE d.id = :id AND {IS_SHOWN.format('d')} FOR KEY SHARE")  # noqa: S608
+_KEEP_DRIVE = text(f"""
+    SELECT {HAS_LOG} AS has_log FROM drives AS d WHERE d.id = :id AND {IS_SHOWN.format("d")} FOR KEY SHARE
+""")  # noqa: S608 - constants
 _COUNT = text("SELECT count(*) FROM drive_trials WHERE drive_id = :drive_id")
 _REMOVE = text("DELETE FROM drive_trials WHERE id = :id AND drive_id = :drive_id RETURNING id")
 _FORGET = text(
@@ -73,15 +75,19 @@ def ask(
     """The trial of this drive that was asked for by the same, or a new one with its job; the flag says whether one
     was queued. One that failed is queued again.
 
-    ``NotFoundError`` where the drive is being removed, ``TooManyError`` where it has as many as it may, ``BusyError``
+    ``NotFoundError`` where the drive is being removed, ``LogDeletedError`` where it has no log any more,
+    ``TooManyError`` where it has as many as it may, ``BusyError``
     where too many of all drives wait.
     """
     trials.one_by_one(session)
-    if session.execute(_KEEP_DRIVE, {"id": drive_id}).scalar() is None:
+    has_log = session.execute(_KEEP_DRIVE, {"id": drive_id}).scalar()
+    if has_log is None:
         raise NotFoundError(f"There is no drive {drive_id}. It may have been deleted.")
     trial = next(iter(trials.page(session, drive_id=drive_id, asked_sha256=asked_sha256)), None)
     if trial is not None and trial.failure is None:
         return trial, False
+    if not has_log:
+        raise LogDeletedError(f"The log of drive {drive_id} was deleted: its owner keeps logs no longer.")
     trials.require_place(session, MOST_WAITING)
     if trial is not None:
         trials.write(session, trial.id, **_ANEW)

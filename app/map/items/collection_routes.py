@@ -52,6 +52,7 @@ def collection_document(
         "title": collection.title,
         "description": collection.description,
         "attribution": attribution(dem_names(service, session)),
+        **service.edition_note(session),
         "itemType": "feature",
         "crs": list(CRSS),
         "storageCrs": CRS84,

@@ -81,7 +81,9 @@ def landing(request: Request, base: BaseUrl, form: pages.FormDep) -> Response:
         link(f"{base}/style.json", "style", title="A style for maps in a browser"),
         link(f"{base}/v1/changes", "changes", title="What changed since a version"),
         link(f"{base}/v1/exports", "exports", title="Files of the map"),
+        link(f"{base}/v1/editions", "editions", title="Editions of the map, with their files"),
         link(f"{base}/v1/drives", "drives", title="Uploaded drives"),
+        link(f"{base}/v1/privacy", "privacy-policy", title="What is shown to whom"),
     ]
     document: dict[str, Any] = {
         "title": "Versant",

@@ -144,6 +144,7 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
     with service.reading() as session:
         shown = store.page(session, item_request)
         source = attribution(_rasters(service, session, shown.features, item_request))
+        note = service.edition_note(session)
     here = f"{base}/collections/{collection.id}/items"
     links = [
         *form.links(here, item_request.pairs),
@@ -155,6 +156,7 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
     document = {
         "type": "FeatureCollection",
         "attribution": source,
+        **note,
         "height_datum": HEIGHT_DATUM,
         **({} if shown.matched is None else {"numberMatched": shown.matched}),
         "numberReturned": len(shown.features),
@@ -186,13 +188,14 @@ def item_answer(
     shape = parse_item(collection, pairs)
     with service.reading() as session:
         text = existing(store.one(session, collection, item_id, shape), f"item of {collection.id}", item_id)
+        note = service.edition_note(session)
     up = f"{base}/collections/{collection.id}"
     links = [*form.links(f"{up}/items/{item_id}", pairs), link(up, "collection", title=collection.title)]
     if collection.follows_changes:
         behind = f"{base}/v1/segments/{item_id}/observations"
         links.append(link(behind, "observations", title="The drives behind it"))
     if not form.html:
-        body = f'{text[:-1]},"links":{dumps(link_documents(links))}}}'
+        body = f"{text[:-1]},{dumps({**note, 'links': link_documents(links)})[1:]}"
         return pages.answered(request, body, form.media_type, links=links, headers=_content_crs(shape.crs))
     return pages.page_answer(
         request,

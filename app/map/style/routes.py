@@ -96,8 +96,10 @@ def style(
         raise BadQueryError.about("colour", f"{colour} is known of segments only. Ask for layer=segments.")
     with service.reading() as session:
         bounds = cached_crowd(service, session)
+        note = service.edition_note(session)
     document = style_document(base, theme, colour, layer)
     document["metadata"]["versant:segments_from_zoom"] = service.settings.tile_full_zoom
+    document["metadata"] |= {f"versant:{name}": value for name, value in note.items()}
     if bounds is not None:
         document |= first_view(bounds)
     return _conditional(request, dumps(document).encode(), JSON, REVALIDATE)

@@ -106,14 +106,14 @@ def tilesets_document(service: Service, base: str, here: str, layer: str) -> dic
     """The list of tilesets of the whole or of a collection, at the address ``here``."""
     about = ABOUT[layer]
     with service.reading() as session:
-        source = attribution(dem_names(service, session))
+        said = {"attribution": attribution(dem_names(service, session)), **service.edition_note(session)}
     own = [
         link(f"{here}/{QUAD}", "self", title="The tileset"),
         link(f"{base}/tileMatrixSets/{QUAD}", SCHEME_REL, title="Its tile matrix set"),
     ]
     one = {"title": about.title, **_OF_TILESETS, "links": link_documents(own)}
     links = [link(here, "self"), link(f"{base}/tileMatrixSets", SCHEMES_REL, title="Tile matrix sets")]
-    return {"attribution": source, "links": link_documents(links), "tilesets": [one]}
+    return {**said, "links": link_documents(links), "tilesets": [one]}
 
 
 def tileset_document(service: Service, base: str, here: str, layer: str) -> dict[str, Any]:
@@ -121,7 +121,7 @@ def tileset_document(service: Service, base: str, here: str, layer: str) -> dict
     about, settings = ABOUT[layer], service.settings
     with service.reading() as session:
         bounds = cached_extent(service, session)
-        source = attribution(dem_names(service, session))
+        said = {"attribution": attribution(dem_names(service, session)), **service.edition_note(session)}
     lowest = lowest_zoom(settings, layer)
     template = link(f"{here}/{QUAD}/{{tileMatrix}}/{{tileRow}}/{{tileCol}}", "item", MVT, "The tiles")
     links = [
@@ -134,7 +134,7 @@ def tileset_document(service: Service, base: str, here: str, layer: str) -> dict
     document: dict[str, Any] = {
         "title": about.title,
         "description": about.description,
-        "attribution": source,
+        **said,
         **_OF_TILESETS,
         "tileMatrixSetLimits": [
             _limits(z, bounds or (-180.0, -EDGE_DEG, 180.0, EDGE_DEG))
@@ -202,7 +202,10 @@ def tilejson(service: Service, base: str, layer: str) -> dict[str, Any]:
     """The TileJSON 3 document of a layer's tiles."""
     with service.reading() as session:
         bounds = cached_extent(service, session)
-        names = dem_names(service, session)
+        said = {
+            "attribution": attribution_html(dem_names(service, session)),
+            **service.edition_note(session),
+        }
     about = ABOUT[layer]
     zooms = {"minzoom": lowest_zoom(service.settings, layer), "maxzoom": service.settings.tile_max_zoom}
     elsewhere = f"/collections/{layer}/tiles/{QUAD}/{{z}}/{{y}}/{{x}}.mvt"
@@ -216,7 +219,7 @@ def tilejson(service: Service, base: str, layer: str) -> dict[str, Any]:
         "vector_layers": [
             {"id": layer, "description": about.feature, "fields": kinds(about.fields), **zooms}
         ],
-        "attribution": attribution_html(names),
+        **said,
         **zooms,
     }
     if bounds is not None:

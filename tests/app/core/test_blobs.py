@@ -53,6 +53,18 @@ def test_the_same_bytes_twice_are_two_blobs(url: str) -> None:
         store.open(first.key)
 
 
+def test_blobs_in_a_folder_go_together(url: str, tmp_path: Path) -> None:
+    store, file = BlobStore(url, "editions"), tmp_path / "file"
+    file.write_bytes(b"x")
+    for key in ("editions/1-a/one", "editions/1-a/two", "editions/2-b/one"):
+        assert store.take(key, file)
+    assert store.keys() == ["editions/1-a", "editions/2-b"]
+    store.delete_folder("editions/1-a")
+    store.delete_folder("editions/1-a")
+    assert store.keys() == ["editions/2-b"]
+    assert store.exists("editions/2-b/one") and not store.exists("editions/1-a/one")
+
+
 def test_an_upload_that_breaks_off_leaves_nothing(url: str) -> None:
     def broken() -> Iterator[bytes]:
         yield b"123"

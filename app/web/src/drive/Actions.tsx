@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { api, got, problemOf } from "../shared/api";
 import { confirmed } from "../shared/Confirm";
-import { number, size } from "../shared/format";
+import { moment, number, size } from "../shared/format";
 import { tellDone, tellError } from "../shared/Messages";
 import { MethodForm } from "../shared/MethodForm";
 import { chosenQuery, type MethodChosen, type Methods, USUAL, usable } from "../shared/methods";
@@ -125,7 +125,9 @@ export function Actions({ drive: now }: { drive: Drive }) {
   return (
     <section class="card" aria-labelledby="actions">
       <h2 id="actions">{t("drive.actions")}</h2>
-      {now.status === "done" || now.status === "failed" ? (
+      {now.log_deleted_at !== null ? (
+        <p>{t("drive.log_deleted", { when: moment(now.log_deleted_at) })}</p>
+      ) : now.status === "done" || now.status === "failed" ? (
         <details onToggle={(event) => (open.value = event.currentTarget.open)}>
           <summary>{t("drive.again.summary")}</summary>
           {open.value && <AgainForm drive={now} />}

@@ -52,12 +52,16 @@ export function Failed({ drive }: { drive: Drive }) {
           <dd>{failure.kind}</dd>
         </div>
       </dl>
-      <p class="quiet-text">{t("drive.failed.advice")}</p>
+      {drive.log_deleted_at === null && <p class="quiet-text">{t("drive.failed.advice")}</p>}
       <div class="buttons start">
-        <RetryButton />
-        <a class="button" href={addressOf(drive.id, "/log")} download={drive.filename}>
-          {t("drive.download.log")}
-        </a>
+        {drive.log_deleted_at === null && (
+          <>
+            <RetryButton />
+            <a class="button" href={addressOf(drive.id, "/log")} download={drive.filename}>
+              {t("drive.download.log")}
+            </a>
+          </>
+        )}
         <a class="button" href="/upload">
           {t("drive.failed.upload")}
         </a>

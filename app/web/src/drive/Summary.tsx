@@ -145,12 +145,14 @@ export function Downloads({ drive }: { drive: Drive }) {
     <section class="card" aria-labelledby="downloads">
       <h2 id="downloads">{t("drive.download.title")}</h2>
       <ul class="drive-files">
-        <li>
-          <a href={addressOf(drive.id, "/log")} download={drive.filename}>
-            {t("drive.download.log")}
-          </a>{" "}
-          <span class="quiet-text">{size(drive.size_bytes)}</span>
-        </li>
+        {drive.log_deleted_at === null && (
+          <li>
+            <a href={addressOf(drive.id, "/log")} download={drive.filename}>
+              {t("drive.download.log")}
+            </a>{" "}
+            <span class="quiet-text">{size(drive.size_bytes)}</span>
+          </li>
+        )}
         {drive.report !== null &&
           FILES.map(([part, formats]) => (
             <li key={part}>

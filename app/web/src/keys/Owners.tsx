@@ -75,7 +75,9 @@ export function Owners() {
           <tbody>
             {owners.value.map((one) => (
               <tr key={one.id}>
-                <th scope="row">{one.name}</th>
+                <th scope="row">
+                  <a href={`/owner?owner=${one.id}`}>{one.name}</a>
+                </th>
                 <td>{moment(one.created_at)}</td>
                 <td class="number">{number(one.keys)}</td>
                 <td class="number">{number(one.drives)}</td>

@@ -1,4 +1,4 @@
-/** In the header: who is logged in, the way to the keys and out, or the way in. Nothing where no keys are asked for. */
+/** In the header: who is logged in, the way to their data, the keys and out, or the way in. Nothing where no keys are asked for. */
 import { api, got } from "./api";
 import { tellError } from "./Messages";
 import type { PageName } from "./Page";
@@ -35,9 +35,15 @@ export function LoggedIn({ page }: { page: PageName }) {
   if (now.owner === null) return page === "login" ? null : <LogIn text={t("page.log_in")} button />;
   return (
     <section class="logged-in" aria-label={t("page.logged_in")}>
-      <span class="owner" title={now.owner.name}>
+      <a
+        class="owner"
+        href="/owner"
+        title={now.owner.name}
+        aria-label={t("page.owner_named", { name: now.owner.name })}
+        aria-current={page === "owner" ? "page" : undefined}
+      >
         {now.owner.name}
-      </span>
+      </a>
       <a href="/keys" aria-current={page === "keys" ? "page" : undefined}>
         {t("page.keys")}
       </a>

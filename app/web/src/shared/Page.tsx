@@ -16,7 +16,7 @@ import { switchTheme, theme } from "./theme";
 import "./style.css";
 
 const PAGES = ["map", "upload", "drives", "admin", "docs"] as const;
-export type PageName = (typeof PAGES)[number] | "keys" | "login";
+export type PageName = (typeof PAGES)[number] | "keys" | "login" | "owner";
 /** Pages for operators alone. */
 const OPERATORS: readonly PageName[] = ["admin"];
 /** Pages for everybody. */
@@ -80,9 +80,13 @@ export function Page({ name, filled = false, children }: PageProps) {
   );
 }
 
+/** A receipt is for whoever has its address. */
+const isReceipt = (name: PageName) => name === "owner" && new URLSearchParams(location.search).has("removal");
+
 /** Whether nobody sees the page: the map is shown to nobody where the service says so. */
 function asksForKey(name: PageName): boolean {
-  const seen = OPEN.includes(name) || (name === "map" && (session()?.public_map ?? "off") !== "off");
+  const seen =
+    OPEN.includes(name) || isReceipt(name) || (name === "map" && (session()?.public_map ?? "off") !== "off");
   return isNobody() && !seen;
 }
 

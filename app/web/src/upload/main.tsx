@@ -1,6 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { size } from "../shared/format";
 import { Page, show } from "../shared/Page";
+import { may, session } from "../shared/session";
 import { t } from "../shared/texts";
 import { Adding } from "./Adding";
 import { items, overall, removeDone, retryAll } from "./queue";
@@ -71,11 +72,25 @@ function Overall() {
   );
 }
 
+/** Who will see what of it. */
+function Seen() {
+  const now = session();
+  if (now === null) return null;
+  const seen = now.access === "open" ? "open" : now.public_map;
+  return (
+    <p class="intro quiet-text">
+      {t(`upload.seen.${seen}`, { n: now.public_owners ?? 0 })}{" "}
+      {may("own") && <a href="/owner">{t("upload.your_data")}</a>}
+    </p>
+  );
+}
+
 function Content() {
   return (
     <Page name="upload">
       <h1>{t("upload.title")}</h1>
       <p class="intro">{t("upload.intro")}</p>
+      <Seen />
       <Adding />
       {items.value.length > 0 && (
         <>

@@ -129,7 +129,7 @@ def test_removals_are_of_one_s_own_drives_in_request_and_worker(
     assert by_owner(owned, "cancelled") == {}
     # The request is cut off before it has removed one: a worker does it.
     with monkeypatch.context() as cut:
-        cut.setattr(removing, "_remove", lambda *_: 0)
+        cut.setattr(removing, "remove_all", lambda *_: 0)
         removal = owned.a.own.post("/v1/drives/remove?which=all").json()
     assert (removal["drives"], removal["links"]) == (4, [])  # how the queue is, is the operator's to see
     assert by_owner(owned, "cancelled") == {}
