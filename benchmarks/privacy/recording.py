@@ -76,18 +76,16 @@ class Recorder:
 
 
 def on_its_own(factor: PassFactor) -> PassFactor:
-    """The same pass as if nothing of the drive were known elsewhere: what it says of grades is left.
-
-    How well the drive agrees with itself stays in its residual, which is then too large by a little.
-    """
+    """The same pass as if nothing of the drive were known elsewhere: what it says of grades is left."""
     information, vector = factor.information.copy(), factor.vector.copy()
     knots = len(vector) - NUISANCES
     with_drive, of_drive = information[:knots, knots:], information[knots:, knots:] + FREE * np.eye(NUISANCES)
     given = np.linalg.solve(of_drive, np.column_stack([with_drive.T, vector[knots:]]))
+    left = factor.square - float(vector[knots:] @ given[:, -1])
     vector[:knots] -= with_drive @ given[:, -1]
     information[:knots, :knots] -= with_drive @ given[:, :-1]
     information[knots:] = information[:, knots:] = vector[knots:] = 0.0
-    return replace(factor, information=(information + information.T) / 2, vector=vector)
+    return replace(factor, information=(information + information.T) / 2, vector=vector, square=left)
 
 
 def _moved(factor: PassFactor, later_s: float) -> PassFactor:
