@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Whether a real service goes on answering while everything is asked of it at once.
 
-    python benchmarks/load.py [--roads FILE.osm.pbf] [--drives 60] [--streams 600] [--keep DIR] [--json FILE]
+    PYTHONPATH=.:benchmarks python -m service.load [--roads FILE.osm.pbf] [--drives 60] [--streams 600]
+                                                   [--keep DIR] [--json FILE]
 
 A map (default: Heidelberg, beside the repository) is imported into an embedded cluster with the settings of ``versant
 up``, and twice ``--drives`` drives of 10 km are uploaded and published. Then API and workers run as ``versant up``
@@ -57,7 +58,7 @@ from service.memory import watched
 from service.probing import Answers, probing
 from service.processes import Service
 
-HERE = Path(__file__).resolve().parents[1]
+HERE = Path(__file__).resolve().parents[2]
 HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
 FILLED = "filled"
 REGION = "load"
