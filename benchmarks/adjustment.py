@@ -36,7 +36,7 @@ import numpy as np
 from accuracy.adjustment_drives import Synthetic
 from fusion.network.adjust import adjust
 from fusion.network.blocks import Partition, bisected
-from fusion.network.condensed import ConstantsInformation
+from fusion.network.drive_constants import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
 from fusion.network.subnetwork import SOLVE_RADIUS_M, Subnetwork, boxes_around, gap_rows, subnetwork_around
