@@ -37,6 +37,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -105,15 +106,18 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
-        EmbeddedPostgres(Path(folder)) as cluster,
+        EmbeddedPostgres(Path(folder) / "live") as live,
+        EmbeddedPostgres(Path(folder) / "others") as others,
     ):
-        figures = run(args, Server(cluster.url, Path(folder)))
+        # Changes are told when no older transaction of the server is open: the live map is followed undisturbed.
+        figures = run(args, Server(live.url, Path(folder)), Server(others.url, Path(folder)))
     write_json(args.json, figures)
 
 
-def run(args: argparse.Namespace, server: Server) -> dict[str, Any]:
+def run(args: argparse.Namespace, of_live: Server, server: Server) -> dict[str, Any]:
     """All figures, printed as well."""
     show_progress("roads")
+    of_live.import_roads(args.roads)
     server.import_roads(args.roads)
     roads, ids = server.roads()
     city = City(roads, tuple(args.window))
@@ -121,7 +125,7 @@ def run(args: argparse.Namespace, server: Server) -> dict[str, Any]:
     world = World(server, city, ids, town, args.editions, args.seed)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(AT_ONCE, mp_context=context) as pool:
-        live = pool.submit(attack_live, world)
+        live = pool.submit(attack_live, replace(world, server=of_live, ids=of_live.roads()[1]))
         removed = list(range(min(args.removals, args.owners)))
         usual = pool.submit(publish_editions, world, "editions", OWNERS - 1, removed, public_owners=OWNERS)
         lost = pool.submit(withheld, world, LOOKED_AT)
