@@ -56,7 +56,7 @@ _CHANGES = """
                         WHEN 'withdraw' THEN p.told IS NOT NULL
                         ELSE p.told IS NOT NULL AND p.eligible IS NULL END
 """
-# Every pass counts as condensed: a solution reads their sums alone (``app.releases.summing``).
+# Every pass counts as condensed: a solution reads their sums alone (``app.releases.condensing``).
 _TAKE_BACK = """
     DELETE FROM told.drive_passes AS t USING changes AS c
     WHERE t.drive_id = c.drive_id AND t.segment_id = c.segment_id
@@ -148,7 +148,7 @@ def lengths_m(session: Session, segments: Sequence[int]) -> dict[int, float]:
 
 
 def forget_sums(session: Session, drives: Sequence[uuid.UUID], segments: Sequence[int]) -> None:
-    """Forget what was summed up of these drives' constants and over these segments."""
+    """Forget what was condensed of these drives' constants and over these segments."""
     session.execute(_FORGET_CONSTANTS, {"drives": list(drives)})
     session.execute(_FORGET_SUMS, {"segments": list(segments)})
 

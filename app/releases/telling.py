@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.network.marks import append_marks
 from app.releases import choosing, store
+from app.releases.condensing import condense_told
 from app.releases.ends import (
     FARTHEST_M,
     NEAREST_M,
@@ -32,7 +33,6 @@ from app.releases.ends import (
     near,
 )
 from app.releases.store import ToExamine
-from app.releases.summing import sum_up
 from fusion.types import Floats, Progress, no_progress
 
 DRIVES_AT_ONCE = 50
@@ -121,7 +121,7 @@ def tell(sessions: Sessions, owners_needed: int, progress: Progress = no_progres
     with sessions.begin() as session:
         progress("choosing", 0.0)
         drives, segments = choosing.choose(session, owners_needed)
-        sum_up(session, drives, segments, progress)
+        condense_told(session, drives, segments, progress)
         choosing.forget_drives(session)
         append_marks(session, segments)
     return segments

@@ -1,8 +1,8 @@
-"""Sums up what is told over each segment, pass by pass with the drive's own errors integrated out.
+"""Condenses what is told over each segment, pass by pass with the drive's own errors integrated out.
 
 A solution of an edition reads these sums alone: that takes a tenth of the time of one that solves for every drive's
 errors, and slopes differ by a quarter of a sigma. Heights are not carried from one segment to the next by drives, so
-their sigmas are larger than those of the live map. What changes is summed up anew from all that is told there, so
+their sigmas are larger than those of the live map. What changes is condensed anew from all that is told there, so
 nothing is ever taken off a sum.
 """
 
@@ -28,10 +28,10 @@ from fusion.types import Progress
 DRIVES_AT_ONCE = 50
 
 
-def sum_up(
+def condense_told(
     session: Session, drives: Sequence[uuid.UUID], segments: Sequence[int], progress: Progress
 ) -> None:
-    """Sum up anew what is told over ``segments``; of ``drives`` other passes are told than before.
+    """Condense anew what is told over ``segments``; of ``drives`` other passes are told than before.
 
     The session reads the tables of ``told``.
     """

@@ -1,0 +1,104 @@
+"""How long editions take: the first of 500 drives over a whole extract, and the next one after 20 more.
+
+    PYTHONPATH=.:benchmarks python -m privacy.making [--roads FILE] [--drives 500] [--more 20] [--json FILE]
+
+The town is that of the privacy attack, on all roads of the file (Heidelberg). Drives lie in the database as workers
+store them, unsolved: an edition reads passes, not the live map. Printed are the seconds of each stage, files included.
+Aims: 60 s for the first and 20 s for the next, on two cores beside the live service.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from datetime import date, timedelta
+from pathlib import Path
+
+from accuracy.scoring import show_progress, text_table, write_json
+from app.embedded.cluster import EmbeddedPostgres
+from app.releases.run import in_words, release
+from privacy.city import City
+from privacy.recording import Recorder
+from privacy.service import Server, Service
+from privacy.town import Trip, make_town
+
+HERE = Path(__file__).resolve().parents[2]
+HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
+OWNERS, WEEKS, SEED = 200, 4, 1
+EVERYWHERE = (-180.0, -90.0, 180.0, 90.0)
+
+
+class Stages:
+    """The seconds of each stage of a progress."""
+
+    def __init__(self) -> None:
+        self.took_s: dict[str, float] = {}
+        self._stage, self._since = "beginning", time.perf_counter()
+
+    def __call__(self, stage: str, share: float) -> None:
+        """The time until now was the former stage's."""
+        now = time.perf_counter()
+        self.took_s[self._stage] = self.took_s.get(self._stage, 0.0) + now - self._since
+        self._stage, self._since = stage, now
+
+
+def main() -> None:
+    """Parse the command line, run, print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--roads", type=Path, default=HEIDELBERG)
+    parser.add_argument("--drives", type=int, default=500)
+    parser.add_argument("--more", type=int, default=20)
+    parser.add_argument("--json", type=Path)
+    args = parser.parse_args()
+    if not args.roads.exists():
+        sys.exit(f"{args.roads}: not there")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with (
+        tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
+        EmbeddedPostgres(Path(folder)) as cluster,
+    ):
+        rows = run(args, Server(cluster.url, Path(folder)))
+    write_json(args.json, rows)
+
+
+def run(args: argparse.Namespace, server: Server) -> list[dict[str, float]]:
+    """The seconds of both editions, printed as well."""
+    show_progress("roads")
+    server.import_roads(args.roads)
+    roads, ids = server.roads()
+    city = City(roads, EVERYWHERE)
+    trips = make_town(city, OWNERS, args.drives + args.more, WEEKS, SEED).trips
+    recorder, rows, day = Recorder(city, SEED), [], date(2026, 11, 2)
+    with server.service("making", ids) as service:
+        owners = [service.add_owner(f"owner {k}") for k in range(OWNERS)]
+        for part in (trips[: args.drives], trips[args.drives :]):
+            _store(service, recorder, owners, part)
+            stages, began = Stages(), time.perf_counter()
+            settings = service.settings.model_copy(update={"public_map": "releases"})
+            edition = release(str(settings.database_url), settings, day=day, progress=stages)
+            stages("end", 1.0)
+            whole_s = time.perf_counter() - began
+            show_progress("")
+            print(in_words(edition))
+            rows.append({"drives": len(part), "segments": edition.segments, **stages.took_s, "all": whole_s})
+            day += timedelta(days=7)
+    names = dict.fromkeys(name for row in rows for name in row)
+    columns = {name: (name, "g" if name in {"drives", "segments"} else ".1f") for name in names}
+    print(text_table([dict.fromkeys(names, 0.0) | row for row in rows], columns))
+    return rows
+
+
+def _store(service: Service, recorder: Recorder, owners: Sequence[int], trips: Sequence[Trip]) -> None:
+    for number, trip in enumerate(trips):
+        show_progress(f"drive {number + 1} of {len(trips)}")
+        service.store(owners[trip.owner], recorder.record(trip))
+
+
+if __name__ == "__main__":
+    main()
