@@ -33,9 +33,9 @@ LINGER_S = 2.0
 COLLECTING_THRESHOLDS = (700, 10, 1_000_000)
 """Garbage collection of an API process. Python's collector runs by how many objects are made. In an API it therefore
 looks every few seconds through half a million objects that stay for good, and through all open event streams. That
-takes a quarter of a second in which nothing is answered (``benchmarks/service/load.py``). So what exists at the start is frozen
-(``stay_loaded``), only young objects are collected by their number, some milliseconds each time, and a full collection
-runs after so many requests as may have left some 20 MB of cycles (``CollectAfterRequests``)."""
+takes a quarter of a second in which nothing is answered (``benchmarks/service/load.py``). What exists at the start is
+frozen (``stay_loaded``), only young objects are collected by their number, some milliseconds each time, and a full
+collection runs after so many requests as may have left some 20 MB of cycles (``CollectAfterRequests``)."""
 COLLECT_AFTER = 20_000
 """Requests. Each leaves some ten objects."""
 LASTING_S, LASTING_WEIGHT = 1.0, 20
