@@ -69,7 +69,14 @@ HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
 OWNERS = 3
 """The service's k."""
 LOOKED_AT = (3, 5, 10)
-QUICK = {"owners": 40, "drives": 30, "editions": 2, "removals": 1, "window": (8.665, 49.39, 8.715, 49.418)}
+QUICK = {
+    "live": 30,
+    "owners": 40,
+    "drives": 30,
+    "editions": 2,
+    "removals": 1,
+    "window": (8.665, 49.39, 8.715, 49.418),
+}
 AT_ONCE = 2
 BEYOND = {"editions": "last", "of 3": "last, of 3"}
 HOMES = {"homes": HOME_M, "doors": DOOR_M}
@@ -92,6 +99,7 @@ def main() -> None:
     parser.add_argument("--roads", type=Path, default=HEIDELBERG)
     for name, number in (("owners", 200), ("drives", 400), ("editions", 4), ("removals", 3), ("seed", 1)):
         parser.add_argument(f"--{name}", type=int, default=number)
+    parser.add_argument("--live", type=int, default=100, help="first drives that the live map is watched for")
     parser.add_argument(
         "--window", type=float, nargs=4, default=HEIDELBERG_DEG, metavar="DEG", help="W S E N"
     )
@@ -123,9 +131,10 @@ def run(args: argparse.Namespace, of_live: Server, server: Server) -> dict[str, 
     city = City(roads, tuple(args.window))
     town = make_town(city, args.owners, args.drives, args.editions, args.seed)
     world = World(server, city, ids, town, args.editions, args.seed)
+    watched = replace(world, town=replace(town, trips=town.trips[: args.live]), server=of_live)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(AT_ONCE, mp_context=context) as pool:
-        live = pool.submit(attack_live, replace(world, server=of_live, ids=of_live.roads()[1]))
+        live = pool.submit(attack_live, replace(watched, ids=of_live.roads()[1]))
         removed = list(range(min(args.removals, args.owners)))
         usual = pool.submit(publish_editions, world, "editions", OWNERS - 1, removed, public_owners=OWNERS)
         lost = pool.submit(withheld, world, LOOKED_AT)
@@ -145,28 +154,35 @@ def run(args: argparse.Namespace, of_live: Server, server: Server) -> dict[str, 
         shown = {name: names[name] for name in ("live", "editions")}
         draw(city, _true(world), usual.result().seen[-1].told, shown, args.plot)
     return {
-        "names": tell_names(world, names),
+        "names": tell_names(world, watched, names),
         "withheld": tell_withheld(lost.result()),
         "removals": tell_removals(world, usual.result()),
     }
 
 
-def tell_names(world: World, names: dict[str, Names]) -> list[dict[str, Any]]:
-    """Who named how much, and by how much more than the guesser."""
+def tell_names(world: World, watched: World, names: dict[str, Names]) -> list[dict[str, Any]]:
+    """Who named how much, and by how much more than the guesser; the live map is ``watched`` for a part of it."""
     rng, city, town = np.random.default_rng(world.seed), world.city, world.town
-    owner, each = np.array([trip.owner for trip in town.trips]), np.arange(len(town.owners))
-    drives = {name: right_drives(n.drives, _true(world), city.length_m) for name, n in names.items()}
-    homes = {what: _right_homes(world, names, within_m) for what, within_m in HOMES.items()}
+    worlds = {name: watched if name == "live" else world for name in names}
+    drives = {name: right_drives(n.drives, _true(worlds[name]), city.length_m) for name, n in names.items()}
+    homes = {
+        (what, name): _right_homes(worlds[name], n, within_m)
+        for what, within_m in HOMES.items()
+        for name, n in names.items()
+    }
     rows = []
     for name in ("live", "editions", "last", "of 3", "last, of 3", "roads"):
         row: dict[str, Any] = {"who": name}
+        owner = np.array([trip.owner for trip in worlds[name].town.trips])
         row["drives %"] = share(drives[name], owner, rng)
         if name in BEYOND:
             row["beyond"] = difference(drives[name], drives[BEYOND[name]], owner, rng)
-        for what, right in homes.items():
-            row[f"{what} %"] = share(right[name], each, rng)
+        for what in HOMES:
+            right = homes[what, name]
+            each = np.arange(len(right))
+            row[f"{what} %"] = share(right, each, rng)
             if name in BEYOND:
-                row[f"{what} beyond"] = difference(right[name], right[BEYOND[name]], each, rng)
+                row[f"{what} beyond"] = difference(right, homes[what, BEYOND[name]], each, rng)
         rows.append(row)
     texts = [{column: str(row.get(column, "")) for column in COLUMNS} for row in rows]
     print(f"{len(town.owners)} owners, {len(town.trips)} drives of {_mean_km(world):.1f} km")
@@ -214,10 +230,10 @@ def tell_removals(world: World, editions: Editions) -> list[dict[str, float]]:
     return rows
 
 
-def _right_homes(world: World, names: dict[str, Names], within_m: float) -> dict[str, Any]:
-    count, true_m = len(world.town.owners), world.town.homes_m
-    named = {who: name_homes(world.city, n.homes, count, within_m) for who, n in names.items()}
-    return {who: right_homes(places, true_m, within_m) for who, places in named.items()}
+def _right_homes(world: World, names: Names, within_m: float) -> Any:
+    """Of those who drove at all."""
+    true_m = world.town.homes_m[np.unique([trip.owner for trip in world.town.trips])]
+    return right_homes(name_homes(world.city, names.homes, len(true_m), within_m), true_m, within_m)
 
 
 def _true(world: World) -> list[Any]:
