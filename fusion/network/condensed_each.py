@@ -7,6 +7,7 @@ condenses all that there is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,8 +19,62 @@ from fusion.network.condensed import (
     covered_parts,
 )
 from fusion.network.drive_constants import ROUNDING, ConstantsInformation, marginals, numbers_of
-from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, NUISANCES, SETTINGS, PassFactor
+from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, EAST, NORTH, NUISANCES, SETTINGS, PassFactor
 from fusion.types import Floats, Ints
+
+_PRIOR = np.array(CONSTANT_SIGMA) ** -2.0
+PARTS_KINDS = (EAST, NORTH)
+"""Constants of a part of a drive; a drive of an hour has a hundred parts."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Spoken:
+    """What a drive says of the constants that one of its parts has, those of its other parts integrated out."""
+
+    keys: Ints
+    information: Floats
+    vector: Floats
+    before: Floats
+    """The diagonal of what all passes say, nothing integrated out."""
+
+
+class _Drive:
+    """What a drive says of its constants, part by part: of a part's own constants only the passes in it speak."""
+
+    def __init__(self, drive: ConstantsInformation) -> None:
+        self._drive = drive
+        of_part = np.isin(drive.keys[:, 0], PARTS_KINDS)
+        self._common = np.flatnonzero(~of_part)
+        self._rows = {
+            int(part): np.flatnonzero(of_part & (drive.keys[:, 1] == part))
+            for part in np.unique(drive.keys[of_part, 1])
+        }
+        self._out = {part: self._integrated(rows) for part, rows in self._rows.items()}
+        size = len(self._common)
+        nothing = np.zeros((size, size + 1))
+        self._all_out = sum(self._out.values(), nothing)
+        self._known: dict[int, _Spoken] = {}
+
+    def _integrated(self, rows: Ints) -> Floats:
+        """What goes of the common constants, and of their vector, when those of a part are integrated out."""
+        d = self._drive
+        inside = d.information[np.ix_(rows, rows)] + np.diag(_PRIOR[d.keys[rows, 0]])
+        across = d.information[np.ix_(rows, self._common)]
+        return np.asarray(across.T @ np.linalg.solve(inside, np.column_stack([across, d.vector[rows]])))
+
+    def about(self, part: int) -> _Spoken:
+        """What it says to a pass of this part."""
+        if part not in self._known:
+            d = self._drive
+            rows = np.sort(np.concatenate([self._common, self._rows.get(part, np.empty(0, np.int64))]))
+            common = np.flatnonzero(np.isin(rows, self._common))
+            information, vector = d.information[np.ix_(rows, rows)].copy(), d.vector[rows].copy()
+            out = self._all_out - self._out.get(part, 0.0)
+            information[np.ix_(common, common)] -= out[:, :-1]
+            vector[common] -= out[:, -1]
+            before = np.diagonal(d.information)[rows]
+            self._known[part] = _Spoken(d.keys[rows], information, vector, before)
+        return self._known[part]
 
 
 def condense_each(
@@ -30,41 +85,41 @@ def condense_each(
     ``drive`` is what all ``count`` passes of the drive, these among them, say of its constants; ``lengths_m`` are what
     the knots of each pass assume.
     """
-    share, at = believed_share(count), _places(passes, drive)
+    share, whole = believed_share(count), _Drive(drive)
     groups: dict[tuple[int, bytes, bytes], list[int]] = {}
+    at = [_places(one, whole.about(one.place)) for one in passes]
     for k, one in enumerate(passes):
-        groups.setdefault((len(one.vector), one.used.tobytes(), (at[k] >= 0).tobytes()), []).append(k)
+        groups.setdefault((len(one.vector), one.used.tobytes(), at[k].tobytes()), []).append(k)
     made: dict[int, CondensedPasses] = {}
     for rows in groups.values():
         alike = [passes[k] for k in rows]
-        for k, one, said, right in zip(rows, alike, *_condense(alike, drive, share, at[rows]), strict=True):
+        spoken = [whole.about(one.place) for one in alike]
+        said, right = _condense(alike, spoken, share, at[rows[0]])
+        for k, one, information, vector in zip(rows, alike, said, right, strict=True):
             rough, covered = float(np.log(one.roughness)), covered_parts(one, lengths_m[k])
             made[k] = CondensedPasses(
-                said, right, float(max(one.rows, 1)), rough, covered, 1, 1, one.observations
+                information, vector, float(max(one.rows, 1)), rough, covered, 1, 1, one.observations
             )
     return [made[k] for k in range(len(passes))]
 
 
-def _places(passes: Sequence[PassFactor], drive: ConstantsInformation) -> Ints:
-    """Where among the drive's keys those of each pass are, shape (m, ``CONSTANTS``); -1 where they are not."""
-    keys = np.zeros((len(passes), len(CONSTANTS), 2), np.int64)
-    keys[:, :, 0] = np.arange(len(CONSTANTS))
-    for kind, name in SETTINGS.items():
-        keys[:, kind, 1] = [getattr(p, name) for p in passes]
-    known, wanted = numbers_of(drive.keys), numbers_of(keys.reshape(-1, 2))
+def _places(one: PassFactor, spoken: _Spoken) -> Ints:
+    """Where among the keys those of the pass are, shape (``CONSTANTS``,); -1 where they are not."""
+    setting = [getattr(one, SETTINGS[kind]) if kind in SETTINGS else 0 for kind in range(len(CONSTANTS))]
+    wanted = numbers_of(np.stack([np.arange(len(CONSTANTS)), np.array(setting, np.int64)], axis=1))
+    known = numbers_of(spoken.keys)
     at = np.searchsorted(known, wanted)
-    there = np.append(known, -1)[at] == wanted
-    return np.where(there, at, -1).reshape(len(passes), len(CONSTANTS))
+    return np.where(np.append(known, -1)[at] == wanted, at, -1)
 
 
 def _condense(
-    alike: Sequence[PassFactor], drive: ConstantsInformation, share: float, at: Ints
+    alike: Sequence[PassFactor], spoken: Sequence[_Spoken], share: float, at: Ints
 ) -> tuple[Floats, Floats]:
     """Information (m, n, n) and vector (m, n) of m passes over n knots each, which use the same nuisances."""
     knots = len(alike[0].vector) - NUISANCES
     used = np.flatnonzero(alike[0].used)
     constants = used[used < len(CONSTANTS)]
-    known, right = _elsewhere(alike, drive, at, constants)
+    known, right = _elsewhere(alike, spoken, at, constants)
     gone, c = knots + used, len(constants)
     information = np.array([p.information for p in alike])
     vector = np.array([p.vector for p in alike])
@@ -79,35 +134,28 @@ def _condense(
 
 
 def _elsewhere(
-    alike: Sequence[PassFactor], drive: ConstantsInformation, at: Ints, constants: Ints
+    alike: Sequence[PassFactor], spoken: Sequence[_Spoken], at: Ints, constants: Ints
 ) -> tuple[Floats, Floats]:
     """Information (m, c, c) and vector (m, c) over these constants of all passes of the drive but each one itself."""
-    m, size, each = len(alike), len(drive.keys), np.arange(len(alike))
-    left = np.repeat(drive.information[None], m, axis=0)
-    vector = np.repeat(drive.vector[None], m, axis=0)
+    m, keys = len(alike), spoken[0].keys
+    left = np.array([one.information for one in spoken])
+    vector = np.array([one.vector for one in spoken])
     own, own_vector = marginals(alike, np.ones(m))
-    spoken = np.flatnonzero(at[0] >= 0)
-    rows = at[:, spoken]
-    left[each[:, None, None], rows[:, :, None], rows[:, None, :]] -= own[:, spoken[:, None], spoken]
-    vector[each[:, None], rows] -= own_vector[:, spoken]
+    mine = np.flatnonzero(at >= 0)
+    left[:, at[mine][:, None], at[mine]] -= own[:, mine[:, None], mine]
+    vector[:, at[mine]] -= own_vector[:, mine]
     # What only the pass itself spoke of is unknown elsewhere; rounding would tie it to the others.
-    informed = np.einsum("mkk->mk", left) > ROUNDING * np.diagonal(drive.information)
+    informed = np.einsum("mkk->mk", left) > ROUNDING * np.array([one.before for one in spoken])
     left *= informed[:, :, None] & informed[:, None, :]
     vector *= informed
-    place = np.flatnonzero(at[0, constants] >= 0)
-    shared = at[:, constants[place]]
-    others = np.ones((m, size), bool)
-    others[each[:, None], shared] = False
-    gone = np.nonzero(others)[1].reshape(m, size - len(place))
-    inside = left[each[:, None, None], gone[:, :, None], gone[:, None, :]]
-    prior = np.array(CONSTANT_SIGMA)[drive.keys[gone, 0]] ** -2.0
-    inside += prior[:, :, None] * np.eye(gone.shape[1])
-    across = left[each[:, None, None], gone[:, :, None], shared[:, None, :]]
-    taken = _taken(inside, across, vector[each[:, None], gone])
+    place = np.flatnonzero(at[constants] >= 0)
+    shared = at[constants[place]]
+    gone = np.setdiff1d(np.arange(len(keys)), shared)
+    inside = left[:, gone[:, None], gone] + np.diag(_PRIOR[keys[gone, 0]])
+    taken = _taken(inside, left[:, gone[:, None], shared], vector[:, gone])
     known, right = np.zeros((m, len(constants), len(constants))), np.zeros((m, len(constants)))
-    both = left[each[:, None, None], shared[:, :, None], shared[:, None, :]]
-    known[:, place[:, None], place] = both - taken[:, :, :-1]
-    right[:, place] = vector[each[:, None], shared] - taken[:, :, -1]
+    known[:, place[:, None], place] = left[:, shared[:, None], shared] - taken[:, :, :-1]
+    right[:, place] = vector[:, shared] - taken[:, :, -1]
     return known, right
 
 
