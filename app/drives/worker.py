@@ -227,7 +227,7 @@ def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[
 def _release_when_due(context: JobContext) -> None:
     """Ask for the next edition of the public's map; where there are none, let none of what was removed be in one."""
     settings = context.settings
-    if releases.is_due(context.sessions, settings):
+    if releases.is_due(context.sessions, settings) or releases.lacks_files(context.sessions, settings):
         with context.sessions.begin() as session:
             kept = settings.imports_kept_bytes
             request = {"when_due": True}

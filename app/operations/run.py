@@ -25,7 +25,7 @@ from app.network.settle import settle_network
 from app.operations import store
 from app.operations.documents import Kind, Operation
 from app.operations.store import operations
-from app.releases.run import in_words, is_due, release
+from app.releases.run import add_files, in_words, is_due, release
 from app.roads.documents import ImportCounts, Wishes, remarks, summary
 from app.roads.imports import import_roads, remove_region
 from app.roads.store import find_region
@@ -236,7 +236,9 @@ def _release(run: Run) -> Outcome:
     """One that the service asks for by itself may be late: another edition was made meanwhile."""
     settings = run.settings
     if run.request.request.get("when_due") and not is_due(run.sessions, settings):
-        return Outcome({"sentence": "The edition was made meanwhile."})
+        with run.computing():
+            add_files(str(settings.database_url), settings, run.show)  # it was made, and its maker cut off
+        return Outcome({"sentence": "The edition is made already."})
     _note_state(run, begun=True)
     with run.computing():
         edition = release(str(settings.database_url), settings, progress=run.show)

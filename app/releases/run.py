@@ -69,6 +69,16 @@ def release(
         return publish_files(live, edition, made, settings, progress)
 
 
+def add_files(url: str, settings: Settings, progress: Progress = no_progress) -> Edition | None:
+    """Write the files of the newest edition where whoever made it was cut off before; None: it has them."""
+    with _sessions(url) as (live, _, edition), releasing_alone(live) as alone:
+        with live() as session:
+            latest = store.latest_edition(session)
+        if latest is None or latest.files or not alone:
+            return None
+        return publish_files(live, edition, latest, settings, progress)
+
+
 def solve(told: Sessions, progress: Progress = no_progress) -> None:
     """Solve what was marked, a block of cells at a time: sums cost a solution little, and its edge is what costs."""
     with told() as session:
@@ -95,6 +105,13 @@ def is_due(sessions: Sessions, settings: Settings) -> bool:
     with sessions() as session:
         latest = store.latest_edition(session)
     return latest is None or today() >= latest.day + timedelta(days=settings.release_days)
+
+
+def lacks_files(sessions: Sessions, settings: Settings) -> bool:
+    """Whether the newest edition has no files yet."""
+    with sessions() as session:
+        latest = store.latest_edition(session)
+    return settings.shown_map == "releases" and latest is not None and not latest.files
 
 
 def in_words(edition: Edition) -> str:

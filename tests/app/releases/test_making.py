@@ -104,6 +104,28 @@ def test_one_that_was_asked_for_in_time_and_comes_late_makes_none(public: Public
     assert public.count("SELECT count(*) FROM editions") == 2
 
 
+def test_files_of_an_edition_whose_maker_was_cut_off_are_written_later(
+    public: Public, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for owner in range(5):
+        public.drive(owner, STREET)
+    public.day = run.today() - timedelta(days=7)
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "publish_files", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            public.release()
+    assert set(MIDDLE) <= set(public.served())
+    assert run.lacks_files(public.sessions, public.settings)
+    context = JobContext(public.settings, public.sessions)
+    _release_when_due(context)
+    number = uuid.UUID(str(_of_operation(public)))
+    assert perform(OPERATION, context, number, Work(bool, nullcontext)) == "done"
+    assert not run.lacks_files(public.sessions, public.settings)
+    assert public.count("SELECT count(*) FROM editions") == 1
+    _release_when_due(context)
+    assert public.count("SELECT count(*) FROM operations") == 1
+
+
 def _of_operation(public: Public) -> object:
     with public.sessions() as session:
         return session.execute(text("SELECT id FROM operations")).scalar_one()
