@@ -152,7 +152,7 @@ def run(args: argparse.Namespace, of_live: Server, server: Server) -> dict[str, 
     show_progress("")
     if args.plot:
         shown = {name: names[name] for name in ("live", "editions")}
-        draw(city, _true(world), usual.result().seen[-1].told, shown, args.plot)
+        draw(city, _true(watched), usual.result().seen[-1].told, shown, args.plot)
     return {
         "names": tell_names(world, watched, names),
         "withheld": tell_withheld(lost.result()),
