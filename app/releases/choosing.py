@@ -13,11 +13,14 @@ from app.core.caller import TOLD
 from app.core.db import fetch_binary, send_binary
 from app.core.tables import IS_SHOWN
 
+# Every pass is looked at, with nobody waiting for it: in memory, and by two processes.
+_ROOM = ("SET LOCAL work_mem = '128MB'", "SET LOCAL max_parallel_workers_per_gather = 1")
+
 # Passes that a solution rejected say nothing, so nobody counts by them; and a segment that an import took away is
 # driven by nobody.
 _ELIGIBLE = f"""
     CREATE TEMPORARY TABLE eligible ON COMMIT DROP AS
-    SELECT p.drive_id, d.owner_id, p.segment_id, p.partition, p.id, md5(p.factor) AS content
+    SELECT p.drive_id, d.owner_id, p.segment_id, p.partition, p.id
     FROM drive_passes AS p
     JOIN drives AS d ON d.id = p.drive_id AND {IS_SHOWN.format("d")} AND d.duplicate_of IS NULL
     JOIN told.examined AS e ON e.drive_id = p.drive_id AND p.sequence <> ALL (e.hidden)
@@ -25,13 +28,14 @@ _ELIGIBLE = f"""
     LEFT JOIN rejected_passes AS r ON r.segment_id = p.segment_id AND r.pass_id = p.id
     WHERE r.pass_id IS NULL AND p.condensed_weight IS DISTINCT FROM 0
 """  # noqa: S608 - constants
-# A drive over a segment, with what it may tell there now and what is told of it.
+# A drive over a segment, with the passes that it may tell there now and those that are told of it. A drive that is
+# computed again has others.
 _PAIRS = """
     CREATE TEMPORARY TABLE pairs ON COMMIT DROP AS
     SELECT drive_id, segment_id, e.owner_id, e.content AS eligible, t.content AS told
-    FROM (SELECT drive_id, segment_id, min(owner_id) AS owner_id, string_agg(content, '' ORDER BY content) AS content
+    FROM (SELECT drive_id, segment_id, min(owner_id) AS owner_id, array_agg(id ORDER BY id) AS content
           FROM eligible GROUP BY drive_id, segment_id) AS e
-    FULL JOIN (SELECT drive_id, segment_id, string_agg(md5(factor), '' ORDER BY md5(factor)) AS content
+    FULL JOIN (SELECT drive_id, segment_id, array_agg(id ORDER BY id) AS content
                FROM told.drive_passes GROUP BY drive_id, segment_id) AS t USING (drive_id, segment_id)
 """
 # tell: all that may be told there is; withdraw: nothing any more; drop: not what was removed.
@@ -62,8 +66,8 @@ _TAKE_BACK = """
     WHERE t.drive_id = c.drive_id AND t.segment_id = c.segment_id
 """
 _TELL = """
-    INSERT INTO told.drive_passes (drive_id, segment_id, entered_s, condensed_weight, sequence, partition, factor)
-    SELECT p.drive_id, p.segment_id, p.entered_s, 1, p.sequence, p.partition, p.factor
+    INSERT INTO told.drive_passes (id, drive_id, segment_id, entered_s, condensed_weight, sequence, partition, factor)
+    SELECT p.id, p.drive_id, p.segment_id, p.entered_s, 1, p.sequence, p.partition, p.factor
     FROM changes AS c
     JOIN eligible AS e ON e.drive_id = c.drive_id AND e.segment_id = c.segment_id
     JOIN drive_passes AS p ON p.id = e.id AND p.partition = e.partition
@@ -117,7 +121,7 @@ def choose(session: Session, owners_needed: int) -> tuple[list[uuid.UUID], list[
     The drives of which anything is told or taken back, and the segments at which anything changes. For the rest of the
     transaction tables are those of ``told``.
     """
-    for statement in (*_FORGET_ROADS, _ELIGIBLE, _PAIRS, *_INDEXES[:2]):
+    for statement in (*_ROOM, *_FORGET_ROADS, _ELIGIBLE, _PAIRS, *_INDEXES[:2]):
         session.execute(text(statement))
     session.execute(text(_ACTIONS), {"owners_needed": owners_needed})
     for statement in (_CHANGES, _INDEXES[2], _TAKE_BACK, _TELL, _DRIVES):

@@ -54,6 +54,7 @@ class _Drive:
         nothing = np.zeros((size, size + 1))
         self._all_out = sum(self._out.values(), nothing)
         self._known: dict[int, _Spoken] = {}
+        self._places: dict[tuple[int, int], Ints] = {}
 
     def _integrated(self, rows: Ints) -> Floats:
         """What goes of the common constants, and of their vector, when those of a part are integrated out."""
@@ -76,6 +77,13 @@ class _Drive:
             self._known[part] = _Spoken(d.keys[rows], information, vector, before)
         return self._known[part]
 
+    def places(self, one: PassFactor) -> Ints:
+        """Where among the keys of its part those of the pass are, shape (``CONSTANTS``,); -1 where they are not."""
+        setting = (one.mount, one.place)
+        if setting not in self._places:
+            self._places[setting] = _places(one, self.about(one.place))
+        return self._places[setting]
+
 
 def condense_each(
     passes: Sequence[PassFactor], drive: ConstantsInformation, count: int, lengths_m: Sequence[float]
@@ -87,7 +95,7 @@ def condense_each(
     """
     share, whole = believed_share(count), _Drive(drive)
     groups: dict[tuple[int, bytes, bytes], list[int]] = {}
-    at = [_places(one, whole.about(one.place)) for one in passes]
+    at = [whole.places(one) for one in passes]
     for k, one in enumerate(passes):
         groups.setdefault((len(one.vector), one.used.tobytes(), at[k].tobytes()), []).append(k)
     made: dict[int, CondensedPasses] = {}
@@ -104,7 +112,6 @@ def condense_each(
 
 
 def _places(one: PassFactor, spoken: _Spoken) -> Ints:
-    """Where among the keys those of the pass are, shape (``CONSTANTS``,); -1 where they are not."""
     setting = [getattr(one, SETTINGS[kind]) if kind in SETTINGS else 0 for kind in range(len(CONSTANTS))]
     wanted = numbers_of(np.stack([np.arange(len(CONSTANTS)), np.array(setting, np.int64)], axis=1))
     known = numbers_of(spoken.keys)

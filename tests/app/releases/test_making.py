@@ -166,8 +166,16 @@ def test_a_drive_that_is_computed_again_is_told_again_with_others(public: Public
     before = public.served()
     with public.sessions.begin() as session:
         session.execute(
-            text("""UPDATE drive_passes SET factor = set_byte(factor, 8, (get_byte(factor, 8) + 1) % 200)
+            text("""UPDATE drive_passes SET id = nextval('drive_passes_id_seq')
                     WHERE drive_id = (SELECT min(CAST(id AS text)) FROM drives)::uuid""")
         )
     public.release()
     assert public.served() == before
+    new = "SELECT count(*) FROM told.drive_passes AS t JOIN drive_passes AS p ON p.id = t.id"
+    told = public.count("SELECT count(*) FROM told.drive_passes")
+    assert 0 < public.count(new) < told
+    with public.sessions.begin() as session:
+        session.execute(text("UPDATE drive_passes SET id = nextval('drive_passes_id_seq')"))
+    public.release()
+    assert public.count(new) == told
+    assert public.served()[20] == pytest.approx(before[20])
