@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from datetime import UTC, date, datetime, timedelta
 
 from app.changes.store import begin_epoch, prune
-from app.core.caller import EDITION, TOLD
+from app.core.caller import EDITION, TOLD, read_edition
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings import Settings
 from app.map.derived.following import follow_all
@@ -139,6 +139,7 @@ def forget(sessions: Sessions, settings: Settings) -> bool:
         if not alone:
             return False
         with sessions.begin() as session:
+            read_edition(session)  # triggers of its tables write to what is called so there
             editions = store.list_editions(session)
             forgotten = serving.forget_all(session)
         drop_files(settings, editions)

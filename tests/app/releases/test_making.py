@@ -139,7 +139,14 @@ def test_where_there_are_no_editions_nothing_of_what_was_removed_is_kept(public:
     assert set(MIDDLE) <= set(public.served())
     remove_drive(public.sessions, public.blobs, drives[0])
     assert not run.forget_where_removed(public.sessions, public.settings), "the next edition does it"
+    live = "SELECT count(*) FROM segment_changes WHERE xid > {}"
+    before = public.count("SELECT max(xid) FROM segment_changes")
+    epoch = "SELECT count(*) FROM tile_epoch WHERE md5(epoch) = '{}'"
+    with public.sessions() as session:
+        known = session.execute(text("SELECT md5(epoch) FROM tile_epoch")).scalar_one()
     assert run.forget_where_removed(public.sessions, elsewhere)
+    assert public.count(live.format(before)) == 0, "the live map stays as it is"
+    assert public.count(epoch.format(known)) == 1
     assert public.served() == {} and public.count("SELECT count(*) FROM told.places") == 0
     assert public.release().number == 1
     assert public.count("SELECT count(*) FROM edition.ways") > 0
