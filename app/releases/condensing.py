@@ -19,11 +19,11 @@ from app.network.condensed import append_condensed, drive_constants
 from app.network.widenings import widenings_of
 from app.releases import choosing
 from fusion.network.condensed import CondensedPasses
-from fusion.network.condensed_each import condense_each
+from fusion.network.condensed_each import DrivePasses, condense_each
 from fusion.network.curve import knot_length
-from fusion.network.drive_constants import ConstantsInformation
+from fusion.network.drive_constants import ConstantsInformation, marginals_of
 from fusion.network.pass_factor import PassFactor
-from fusion.types import Progress
+from fusion.types import Floats, Progress
 
 DRIVES_AT_ONCE = 50
 
@@ -57,26 +57,42 @@ def _add(
     them that are ``anew``."""
     rows = choosing.told_passes(session, drives, anew, list(lengths_m))
     widening, known, made = widenings_of(session, drives), drive_constants(session, drives), {}
+    decoded = iter(PassFactor.decode_all([tuple(row[1:]) for row in rows]))
+    read = []
     for drive, of_drive in groupby(rows, key=lambda row: row[0]):
         times = widening.get(drive, 1.0)
-        factors = [f.widened(times) for f in PassFactor.decode_all([tuple(row[1:]) for row in of_drive])]
+        factors = [next(decoded).widened(times) for _ in of_drive]
+        said = marginals_of(factors)
         if drive in anew:
-            said = ConstantsInformation.of_passes(factors)
-            made[drive], known[drive] = (said.encode(), len(factors)), (said, len(factors))
-        _add_passes([f for f in factors if f.segment in lengths_m], known[drive], lengths_m, sums)
+            constants = ConstantsInformation.of_marginals(factors, *said)
+            made[drive], known[drive] = (constants.encode(), len(factors)), (constants, len(factors))
+        read.append(_over(factors, said, lengths_m, *known[drive]))
+    for one, condensed in zip(read, condense_each(read), strict=True):
+        _add_passes(one.passes, condensed, sums)
     if made:
         choosing.add_constants(session, made)
 
 
-def _add_passes(
+def _over(
     factors: Sequence[PassFactor],
-    constants: tuple[ConstantsInformation, int],
+    said: tuple[Floats, Floats],
     lengths_m: dict[int, float],
-    sums: dict[int, CondensedPasses],
+    constants: ConstantsInformation,
+    count: int,
+) -> DrivePasses:
+    """Those of the passes that are over the segments of ``lengths_m``."""
+    rows = [k for k, one in enumerate(factors) if one.segment in lengths_m]
+    passes = [factors[k] for k in rows]
+    information, vector = said
+    lengths = [lengths_m[one.segment] for one in passes]
+    return DrivePasses(passes, lengths, (information[rows], vector[rows]), constants, count)
+
+
+def _add_passes(
+    passes: Sequence[PassFactor], condensed: Sequence[CondensedPasses], sums: dict[int, CondensedPasses]
 ) -> None:
     over: set[int] = set()
-    each = condense_each(factors, *constants, [lengths_m[f.segment] for f in factors])
-    for factor, one in zip(factors, each, strict=True):
+    for factor, one in zip(passes, condensed, strict=True):
         # A drive that comes by twice is one drive.
         said = replace(one, drives=0) if factor.segment in over else one
         over.add(factor.segment)

@@ -85,18 +85,17 @@ class CondensedPasses:
         knots = len(passes[0].vector) - NUISANCES
         information, vector = np.zeros((knots, knots)), np.zeros(knots)
         accepted = [(p, w) for p, w in zip(passes, weight, strict=True) if w > 0]
-        covered = np.zeros(PARTS)
         for one, w in accepted:
             said, right = condense(one, w, drive - ConstantsInformation.of_passes([one]), share)
             information += said
             vector += right
-            covered += covered_parts(one, length_m)
+        reached = covered_parts([p for p, _ in accepted], [length_m] * len(accepted))
         return cls(
             information,
             vector,
             float(sum(w * max(p.rows, 1) for p, w in accepted)),
             float(sum(np.log(p.roughness) for p, _ in accepted)),
-            covered,
+            np.sum(reached, axis=0),
             len(accepted),
             int(bool(accepted)),
             sum(p.observations for p, _ in accepted),
@@ -164,10 +163,11 @@ def believed_share(count: int) -> float:
     return SHARE_ELSEWHERE * min(count / USUAL_PASSES, 1.0)
 
 
-def covered_parts(one: PassFactor, length_m: float) -> Floats:
-    """1 for each of the ``PARTS`` whose middle the pass was on, else 0."""
-    middle = (np.arange(PARTS) + 0.5) * length_m / PARTS
-    return np.asarray((one.start_m <= middle) & (middle <= one.end_m), float)
+def covered_parts(passes: Sequence[PassFactor], lengths_m: Sequence[float]) -> Floats:
+    """1 for each of the ``PARTS`` whose middle a pass was on, else 0, shape (m, ``PARTS``)."""
+    middle = (np.arange(PARTS) + 0.5) * np.array(lengths_m)[:, None] / PARTS
+    driven_m = np.array([(p.start_m, p.end_m) for p in passes]).reshape(-1, 2)
+    return np.asarray((driven_m[:, :1] <= middle) & (middle <= driven_m[:, 1:]), float)
 
 
 def condense(

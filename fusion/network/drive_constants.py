@@ -45,23 +45,20 @@ class ConstantsInformation:
     @classmethod
     def of_passes(cls, passes: Sequence[PassFactor], weight: Floats | None = None) -> Self:
         """What passes of one drive say, each on its own; ``weight`` (m,) is how much each is believed."""
+        return cls.of_marginals(passes, *marginals_of(passes, weight))
+
+    @classmethod
+    def of_marginals(cls, passes: Sequence[PassFactor], said: Floats, right: Floats) -> Self:
+        """The same of what ``marginals_of`` makes of the passes."""
         if not passes:
             return cls.nothing()
-        weight = np.ones(len(passes)) if weight is None else weight
-        setting = np.zeros((len(passes), len(CONSTANTS)), np.int64)
-        for kind, name in SETTINGS.items():
-            setting[:, kind] = [getattr(p, name) for p in passes]
+        setting = settings_of(passes)
         every = np.stack([np.broadcast_to(np.arange(len(CONSTANTS)), setting.shape), setting], axis=2)
         keys, number = _unique_keys(every.reshape(-1, 2))
         number = number.reshape(setting.shape)
         information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
-        size = np.array([len(p.vector) for p in passes])
-        for n in np.unique(size):
-            mine = np.flatnonzero(size == n)
-            said, right = marginals([passes[k] for k in mine.tolist()], weight[mine])
-            at = number[mine]
-            np.add.at(information, (at[:, :, None], at[:, None, :]), said)
-            np.add.at(vector, at, right)
+        np.add.at(information, (number[:, :, None], number[:, None, :]), said)
+        np.add.at(vector, number, right)
         informed = np.diagonal(information) > 0
         order = np.flatnonzero(informed)
         return cls(keys[order], information[np.ix_(order, order)], vector[order])
@@ -144,10 +141,35 @@ def _unique_keys(keys: Ints) -> tuple[Ints, Ints]:
     return keys[first], which.ravel()
 
 
-def marginals(passes: Sequence[PassFactor], weight: Floats) -> tuple[Floats, Floats]:
-    """Information (m, k, k) and vector (m, k) of each pass over the k ``CONSTANTS``; all over equally many knots."""
-    weighted = weight[:, None, None] * np.array([p.information for p in passes])
-    right = weight[:, None] * np.array([p.vector for p in passes])
+def settings_of(passes: Sequence[PassFactor]) -> Ints:
+    """The setting of each of the k ``CONSTANTS`` of each pass, shape (m, k); 0 of those that have none."""
+    setting = np.zeros((len(passes), len(CONSTANTS)), np.int64)
+    for kind, name in SETTINGS.items():
+        setting[:, kind] = [getattr(p, name) for p in passes]
+    return setting
+
+
+def marginals_of(passes: Sequence[PassFactor], weight: Floats | None = None) -> tuple[Floats, Floats]:
+    """Information (m, k, k) and vector (m, k) of each pass by itself over the k ``CONSTANTS``.
+
+    ``weight`` (m,) is how much each is believed.
+    """
+    count = len(CONSTANTS)
+    information, vector = np.empty((len(passes), count, count)), np.empty((len(passes), count))
+    size = np.array([len(p.vector) for p in passes])
+    for n in np.unique(size):
+        mine = np.flatnonzero(size == n)
+        alike = [passes[k] for k in mine.tolist()]
+        information[mine], vector[mine] = _marginals(alike, None if weight is None else weight[mine])
+    return information, vector
+
+
+def _marginals(passes: Sequence[PassFactor], weight: Floats | None) -> tuple[Floats, Floats]:
+    """``marginals_of`` passes over equally many knots."""
+    weighted, right = np.array([p.information for p in passes]), np.array([p.vector for p in passes])
+    if weight is not None:
+        weighted *= weight[:, None, None]
+        right *= weight[:, None]
     n = weighted.shape[1]
     knots, count = n - NUISANCES, len(CONSTANTS)
     nuisances = np.arange(knots, knots + count)

@@ -1,4 +1,4 @@
-"""All passes of a drive condensed at once are what each is by itself."""
+"""All passes of some drives condensed at once are what each is by itself."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from factor_support import Sensors, driven, street
 from fusion.network.condensed import CondensedPasses
-from fusion.network.condensed_each import condense_each
+from fusion.network.condensed_each import DrivePasses, condense_each
 from fusion.network.curve import knot_length
-from fusion.network.drive_constants import ConstantsInformation
+from fusion.network.drive_constants import ConstantsInformation, marginals_of
 from fusion.network.pass_factor import PassFactor
 
 TABLE = street(55, 70, 120, 43, 70, 55)
@@ -36,12 +36,20 @@ def passes_of(seed: int, places: int, mounts: int) -> list[PassFactor]:
     return [replace(one, sequence=k, place=k // places, mount=k // mounts) for k, one in enumerate(parts)]
 
 
+def whole(passes: list[PassFactor]) -> DrivePasses:
+    """A drive of these passes alone."""
+    lengths = [float(knot_length(TABLE.length_m[p.segment])) for p in passes]
+    drive = ConstantsInformation.of_passes(passes)
+    return DrivePasses(passes, lengths, marginals_of(passes), drive, len(passes))
+
+
 @given(st.integers(0, 10_000), st.integers(1, 5), st.integers(2, 9))
 def test_each_pass_says_what_it_says_by_itself(seed: int, places: int, mounts: int) -> None:
     passes = passes_of(seed, places, mounts)
     drive = ConstantsInformation.of_passes(passes)
     lengths = [float(knot_length(TABLE.length_m[p.segment])) for p in passes]
-    together = condense_each(passes, drive, len(passes), lengths)
+    others = passes_of(seed + 1, mounts, places)
+    together, _ = condense_each([whole(passes), whole(others)])
     for one, length, found in zip(passes, lengths, together, strict=True):
         alone = CondensedPasses.of_drive([one], [1.0], drive, len(passes), length)
         for spec in fields(CondensedPasses):
@@ -54,7 +62,8 @@ def test_a_drive_may_say_nothing_of_its_constants() -> None:
     one = passes_of(1, 2, 9)[:1]
     drive = ConstantsInformation.of_passes(one)
     length = float(knot_length(TABLE.length_m[0]))
-    found = condense_each(one, drive, 1, [length])[0]
+    ((found,),) = condense_each([whole(one)])
     alone = CondensedPasses.of_drive(one, [1.0], drive, 1, length)
     assert found.vector == pytest.approx(alone.vector)
-    assert condense_each([], ConstantsInformation.nothing(), 0, []) == []
+    assert condense_each([whole([])]) == [[]]
+    assert condense_each([]) == []
