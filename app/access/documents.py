@@ -32,14 +32,17 @@ _TODAY_EXAMPLE: dict[str, Any] = {
     "day": "2026-11-27",
     "drives": 14,
     "bytes": 30_120_554,
+    "records": 410_220,
     "quota_drives": 100,
     "quota_bytes": None,
+    "quota_records": None,
     "until": "2026-11-28T00:00:00Z",
 }
 _FIGURES_EXAMPLE = {
     **_OWNER_DOCUMENT,
     "quota_drives": 100,
     "quota_bytes": None,
+    "quota_records": None,
     "keep_logs_days": None,
     "logs_kept_days": 30,
     "today": _TODAY_EXAMPLE,
@@ -101,8 +104,16 @@ class Today(BaseModel, json_schema_extra={"examples": [_TODAY_EXAMPLE]}):
     day: date = Field(description="Today, UTC.")
     drives: int = Field(description="Drives uploaded today; those removed since count as well.")
     bytes: int = Field(description="Bytes of these drives, as stored.")
+    records: int = Field(
+        description="Records of those of these drives that a worker has read: the epochs of the sensor of which a log "
+        "has most. However often a drive is computed, they count once."
+    )
     quota_drives: int | None = Field(description="Drives that may be uploaded in a day; null: any number.")
     quota_bytes: int | None = Field(description="Bytes that may be uploaded in a day; null: any number.")
+    quota_records: int | None = Field(
+        description="Records that may be uploaded in a day; null: any number. A drive that is sent before they are "
+        "used up is taken whole."
+    )
     until: datetime = Field(description="When the count begins anew.")
 
 
@@ -127,6 +138,7 @@ class OwnerFigures(Owner, json_schema_extra={"examples": [_FIGURES_EXAMPLE]}):
 
     quota_drives: _OwnQuota
     quota_bytes: _OwnQuota
+    quota_records: _OwnQuota
     keep_logs_days: _OwnKeeping
     logs_kept_days: int | None = Field(description="Days that hold for this owner; null: for good.")
     today: Today
@@ -135,15 +147,10 @@ class OwnerFigures(Owner, json_schema_extra={"examples": [_FIGURES_EXAMPLE]}):
     def standing(cls, owner: store.Owner, now: Standing, keep_logs_days: int | None) -> Self:
         """The document of an owner as it stands now; ``keep_logs_days``: of owners that did not say it."""
         kept = keep_logs_days if owner.keep_logs_days is None else owner.keep_logs_days
-        today = Today(
-            day=now.day,
-            drives=now.drives.used,
-            bytes=now.bytes.used,
-            quota_drives=now.drives.most,
-            quota_bytes=now.bytes.most,
-            until=now.until,
-        )
-        own = {"quota_drives": now.own.drives, "quota_bytes": now.own.bytes}
+        amounts: dict[str, Any] = {one.name: one.used for one in now.amounts}
+        amounts |= {f"quota_{one.name}": one.most for one in now.amounts}
+        today = Today(day=now.day, until=now.until, **amounts)
+        own = {f"quota_{kind}": most for kind, most in now.own._asdict().items()}
         return cls(**vars(owner), **own, logs_kept_days=kept, today=today)
 
 
@@ -158,6 +165,7 @@ class OwnerChange(KeepingChange, json_schema_extra={"examples": [{"quota_drives"
 
     quota_drives: _OwnQuota = None
     quota_bytes: _OwnQuota = None
+    quota_records: _OwnQuota = None
 
 
 class Owners(BaseModel, json_schema_extra={"examples": [{"owners": [_OWNER_DOCUMENT]}]}):

@@ -3,6 +3,9 @@
 The count is a row of the owner and the day, changed in the transaction that makes the drive. Whoever changes it holds
 it until that transaction ends, so that uploads of one owner pass one after the other and never together beyond a quota.
 One that is refused or fails takes its own count back. A removed drive stays counted.
+
+How many records a log has is known when a worker has read it, and is counted then. So nobody begins an upload once the
+quota of records is used up, but one that was begun below it is taken whole.
 """
 
 from __future__ import annotations
@@ -23,15 +26,32 @@ from app.core.settings import Settings
 
 DAY_S = 86_400
 
-_COUNT = text("""
-    INSERT INTO owner_use AS u (owner_id, day, drives, bytes) VALUES (:owner_id, :day, 1, :bytes)
-    ON CONFLICT (owner_id, day) DO UPDATE SET drives = u.drives + 1, bytes = u.bytes + excluded.bytes
-""")
-_STANDING = text("""
-    SELECT o.quota_drives, o.quota_bytes, coalesce(u.drives, 0) AS drives, coalesce(u.bytes, 0) AS bytes
+
+class OwnQuotas(NamedTuple):
+    """The quotas of one owner; None: those of all."""
+
+    drives: int | None
+    bytes: int | None
+    records: int | None
+
+
+KINDS = OwnQuotas._fields
+"""What is counted: columns, settings and members of documents are called so, quotas with ``quota_`` before it."""
+_UNITS = {"bytes": "content-bytes", "records": "records"}
+"""As header fields call what is not requests; none that is registered means records."""
+
+_ADD = text(f"""
+    INSERT INTO owner_use AS u (owner_id, day, {", ".join(KINDS)})
+    VALUES (:owner_id, :day, {", ".join(f":{kind}" for kind in KINDS)})
+    ON CONFLICT (owner_id, day) DO UPDATE SET {", ".join(f"{kind} = u.{kind} + excluded.{kind}" for kind in KINDS)}
+""")  # noqa: S608 - constants
+_STANDING = text(f"""
+    SELECT {", ".join(f"o.quota_{kind}, coalesce(u.{kind}, 0) AS {kind}" for kind in KINDS)}
     FROM owners AS o LEFT JOIN owner_use AS u ON u.owner_id = o.id AND u.day = :day WHERE o.id = :owner_id
-""")
-_SET = text("UPDATE owners SET quota_drives = :drives, quota_bytes = :bytes WHERE id = :owner_id")
+""")  # noqa: S608 - constants
+_SET = text(f"""
+    UPDATE owners SET {", ".join(f"quota_{kind} = :{kind}" for kind in KINDS)} WHERE id = :owner_id
+""")  # noqa: S608 - constants
 
 
 class Amount(NamedTuple):
@@ -40,20 +60,17 @@ class Amount(NamedTuple):
     name: str
     used: int
     most: int | None
-    unit: str | None = None
-    """As the header field calls it; None: requests."""
 
     @property
     def left(self) -> int:
         """How much may still be uploaded, where there is a quota."""
         return max(0, (self.most or 0) - self.used)
 
-
-class OwnQuotas(NamedTuple):
-    """The quotas of one owner; None: those of all."""
-
-    drives: int | None
-    bytes: int | None
+    @property
+    def policy(self) -> str:
+        """The quota as a header field says it."""
+        unit = f';qu="{_UNITS[self.name]}"' if self.name in _UNITS else ""
+        return f'"{self.name}";q={self.most}{unit};w={DAY_S}'
 
 
 @dataclass(frozen=True)
@@ -61,8 +78,7 @@ class Standing:
     """What an owner has uploaded on the day of ``at``, and what it may."""
 
     at: datetime
-    drives: Amount
-    bytes: Amount
+    amounts: tuple[Amount, ...]
     own: OwnQuotas
 
     @property
@@ -78,7 +94,7 @@ class Standing:
     @property
     def quotas(self) -> list[Amount]:
         """Those that there are."""
-        return [one for one in (self.drives, self.bytes) if one.most is not None]
+        return [one for one in self.amounts if one.most is not None]
 
     @property
     def headers(self) -> dict[str, str]:
@@ -86,36 +102,31 @@ class Standing:
         if not self.quotas:
             return {}
         wait_s = self._wait_s
-        policies = (
-            f'"{one.name}";q={one.most}' + (f';qu="{one.unit}"' if one.unit else "") + f";w={DAY_S}"
-            for one in self.quotas
-        )
         limits = (f'"{one.name}";r={one.left};t={wait_s}' for one in self.quotas)
+        policies = (one.policy for one in self.quotas)
         return {"RateLimit-Policy": ", ".join(policies), "RateLimit": ", ".join(limits)}
 
-    def without(self, size_bytes: int) -> Standing:
-        """As it was before a drive of that size was counted."""
-        drives, of_bytes = self.drives, self.bytes
-        return replace(
-            self,
-            drives=drives._replace(used=drives.used - 1),
-            bytes=of_bytes._replace(used=of_bytes.used - size_bytes),
-        )
+    def without(self, counted: Mapping[str, int]) -> Standing:
+        """As it was before so much was counted."""
+        amounts = (one._replace(used=one.used - counted.get(one.name, 0)) for one in self.amounts)
+        return replace(self, amounts=tuple(amounts))
 
-    def require(self, size_bytes: int) -> None:
-        """``QuotaError`` unless a drive of that size may still be uploaded."""
-        for one, more in ((self.drives, 1), (self.bytes, size_bytes)):
-            if one.most is not None and one.used + more > one.most:
+    def require(self, wanted: Mapping[str, int]) -> None:
+        """``QuotaError`` unless so much may still be uploaded; of a kind that is not named, anything at all."""
+        for one in self.amounts:
+            if one.most is not None and one.used + wanted.get(one.name, 1) > one.most:
                 headers = {**self.headers, "Retry-After": str(self._wait_s)}
-                raise QuotaError(self._refusal(one, one.most, more), quota=one.name, headers=headers)
+                refusal = self._refusal(one, one.most, wanted.get(one.name))
+                raise QuotaError(refusal, quota=one.name, headers=headers)
 
     @property
     def _wait_s(self) -> int:
         return math.ceil((self.until - self.at).total_seconds())
 
-    def _refusal(self, quota: Amount, most: int, more: int) -> str:
-        figures = f"You may upload {most} {quota.name} a day: {quota.used} were uploaded today, this is {more} more."
-        if more > most:
+    def _refusal(self, quota: Amount, most: int, more: int | None) -> str:
+        figures = f"You may upload {most} {quota.name} a day: {quota.used} were uploaded today"
+        figures += "." if more is None else f", this is {more} more."
+        if (more or 1) > most:
             return f"{figures} No day has room for it. Send less, or ask whoever runs the service for more."
         return f"{figures} The count begins anew at {self.until:%Y-%m-%d %H:%M} UTC. Send it again then."
 
@@ -139,17 +150,17 @@ class Quotas:
         """``QuotaError`` where an upload of at least so many bytes cannot be taken: nothing of it need be read then."""
         with as_caller(self._caller), sessions() as session:
             self._last = standing(session, self._settings, self._owner_id, utc_now())
-        self._last.require(max(1, least_bytes))
+        self._last.require(_drive_of(max(1, least_bytes)))
 
     def count(self, session: Session, size_bytes: int) -> None:
         """Count a drive that the transaction makes; ``QuotaError`` where that is too much: it is to be undone then.
 
         The transaction is the owner's, not of a key that may only upload.
         """
-        now = utc_now()
-        session.execute(_COUNT, {"owner_id": self._owner_id, "day": now.date(), "bytes": size_bytes})
+        now, drive = utc_now(), _drive_of(size_bytes)
+        _add(session, self._owner_id, now.date(), drive)
         self._last = standing(session, self._settings, self._owner_id, now)
-        self._last.without(size_bytes).require(size_bytes)
+        self._last.without(drive).require(drive)
 
 
 def utc_now() -> datetime:
@@ -157,20 +168,33 @@ def utc_now() -> datetime:
     return datetime.now(UTC)
 
 
+def count_records(session: Session, owner_id: int, day: date, records: int) -> None:
+    """Count what a worker found in a log that the owner uploaded on that day, whatever is left of the quota.
+
+    The owner's uploads wait until the transaction ends.
+    """
+    _add(session, owner_id, day, {"records": records})
+
+
 def standing(session: Session, settings: Settings, owner_id: int, now: datetime) -> Standing:
     """How the owner stands on the day of ``now``."""
-    row = session.execute(_STANDING, {"owner_id": owner_id, "day": now.date()}).one()
-    own = OwnQuotas(row.quota_drives, row.quota_bytes)
-    of_all = OwnQuotas(settings.quota_drives, settings.quota_bytes)
+    row = session.execute(_STANDING, {"owner_id": owner_id, "day": now.date()}).one()._mapping
+    own = OwnQuotas._make(row[f"quota_{kind}"] for kind in KINDS)
+    of_all = OwnQuotas._make(getattr(settings, f"quota_{kind}") for kind in KINDS)
     if _operates(owner_id):
-        of_all = OwnQuotas(None, None)
-    drives, most_bytes = (a if a is not None else b for a, b in zip(own, of_all, strict=True))
-    return Standing(
-        now,
-        Amount("drives", row.drives, drives),
-        Amount("bytes", row.bytes, most_bytes, "content-bytes"),
-        own,
-    )
+        of_all = OwnQuotas(None, None, None)
+    most = (a if a is not None else b for a, b in zip(own, of_all, strict=True))
+    amounts = (Amount(kind, row[kind], one) for kind, one in zip(KINDS, most, strict=True))
+    return Standing(now, tuple(amounts), own)
+
+
+def _drive_of(size_bytes: int) -> dict[str, int]:
+    """What an upload counts at once; its records are counted when they are known."""
+    return {"drives": 1, "bytes": size_bytes}
+
+
+def _add(session: Session, owner_id: int, day: date, counted: Mapping[str, int]) -> None:
+    session.execute(_ADD, {"owner_id": owner_id, "day": day, **dict.fromkeys(KINDS, 0), **counted})
 
 
 def _operates(owner_id: int) -> bool:

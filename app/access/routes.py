@@ -23,7 +23,7 @@ from app.access.documents import (
     Owners,
 )
 from app.access.gate import callers_of
-from app.access.quotas import OwnQuotas, set_quotas, standing, utc_now
+from app.access.quotas import KINDS, OwnQuotas, set_quotas, standing, utc_now
 from app.core.caller import present_caller
 from app.core.errors import BadRequestError, ForbiddenError, TooManyError
 from app.core.http import UNREADABLE_BODY, Service, ServiceDep, existing, problems
@@ -192,7 +192,7 @@ def _change(service: Service, origin: str, owner_id: int, change: KeepingChange)
     with service.sessions.begin() as session:
         before = _figures(session, service, owner_id)
         if quotas:
-            own = OwnQuotas(before.quota_drives, before.quota_bytes)._replace(**quotas)
+            own = OwnQuotas._make(getattr(before, f"quota_{kind}") for kind in KINDS)._replace(**quotas)
             set_quotas(session, owner_id, own)
             audit.note(session, origin, "quotas changed", subject, **own._asdict())
         if "keep_logs_days" in wish:

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.access.quotas import count_records
 from app.core.db import Bounds, plain_text
 from app.core.telemetry.logs import reason_text
 from app.core.version import code_version
@@ -47,6 +48,11 @@ _FAILED = """
 """
 # Also of a drive that then finds no roads: by it new ones find the drive.
 _BOUNDS = "bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326)"
+# Of each drive once. The day is that of its upload, whenever it is computed.
+_RECORDS = text(f"""
+    UPDATE drives SET records = :records {_WHERE_CLAIMED} AND records IS NULL
+    RETURNING owner_id, CAST(created_at AT TIME ZONE 'UTC' AS date) AS day
+""")  # noqa: S608 - a constant
 
 # The end of a run: the row is locked first, so that it is still the worker's when its result is written. Tables that
 # refer to it may be written meanwhile.
@@ -106,6 +112,14 @@ def set_progress(session: Session, drive_id: uuid.UUID, generation: int, stage: 
 def note_bounds(session: Session, drive_id: uuid.UUID, generation: int, bounds: Bounds) -> bool:
     """Note where the drive is, degrees, whatever becomes of it; False: no longer this worker's."""
     return _write(session, drive_id, generation, _BOUNDS, _box(bounds))
+
+
+def note_records(session: Session, drive_id: uuid.UUID, generation: int, records: int) -> None:
+    """Note how many records the log has, and count them for the owner, unless a run before has done so."""
+    values = {"id": drive_id, "generation": generation, "records": records}
+    first = session.execute(_RECORDS, values).one_or_none()
+    if first is not None:
+        count_records(session, first.owner_id, first.day, records)
 
 
 def mark_queued(session: Session, drive_id: uuid.UUID, generation: int) -> bool:

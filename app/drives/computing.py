@@ -53,6 +53,9 @@ PARTS = {
 """The parts of a run and the shares of the whole at which they begin and end."""
 
 
+Look = Callable[[DriveLog], object]
+
+
 class ProcessingError(FusionError):
     """The service, not the log, is the reason that a drive fails."""
 
@@ -130,19 +133,23 @@ def compute(
     asked: Drive | Trial,
     run: RunProgress,
     computing: Computing,
-    located: Callable[[DriveLog], None],
     save: Callable[[Computed], bool],
+    *,
+    read: Look = lambda _: None,
+    located: Look = lambda _: None,
 ) -> Computed:
     """The library's way through a log, for a drive or a trial of one: what differs is what becomes of the result.
 
-    ``located`` is told the log with its positions. ``save`` returns False where the roads changed since they were read:
-    then all after the positions is done again.
+    ``save`` returns False where the roads changed since they were read: then all after the positions is done again.
+    ``read`` is told the log as it was read, ``located`` the log with its positions.
     """
     run.begin("reading")
     with computing():
         options = parse_options(asked.method, asked.options)
         log = read_drive(context, asked.blob_key, options.columns, run.part("reading"))
-        run.begin("positioning")
+    read(log)
+    run.begin("positioning")
+    with computing():
         positioned = positions_of(log, options, run.part("positioning"))
     located(positioned.log)
     for _ in range(MAX_ROAD_CHANGES):

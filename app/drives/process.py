@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import re
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from contextlib import nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -142,6 +142,11 @@ def give_up(context: JobContext, drive_id: uuid.UUID, generation: int, kind: str
 def _run(
     context: JobContext, drive: Drive, run: RunProgress, stages: Stages, computing: Computing, *, behind: bool
 ) -> None:
+    def note_records(log: DriveLog) -> None:
+        # By itself: what publishes the drive may wait for others, and the owner's uploads wait for what counts.
+        with context.sessions.begin() as session:
+            claims.note_records(session, drive.id, drive.generation, records_of(log))
+
     def note_bounds(log: DriveLog) -> None:
         with context.sessions.begin() as session:
             claims.note_bounds(session, drive.id, drive.generation, log.bounds_deg())
@@ -155,7 +160,7 @@ def _run(
         run.begin("saving")
         return _append(context, drive, settled, behind=behind)
 
-    computed = compute(context, drive, run, computing, note_bounds, publish)
+    computed = compute(context, drive, run, computing, publish, read=note_records, located=note_bounds)
     stages.end()
     sizes: dict[str, Any] = {"epochs": len(computed.result.track), "segments": len(computed.result.slopes)}
     tell(logger, "drive computed", method=drive.method, **sizes | stages.seconds)
@@ -223,6 +228,17 @@ def with_settled_lag(
             break
         factors = anew
     return replace(result, factors=factors)
+
+
+def records_of(log: DriveLog) -> int:
+    """How many records the log has: the epochs of the sensor of which it has most, raw signals among them.
+
+    Sensors beside each other are not added, so that a drive has as many in whatever format it was recorded.
+    """
+    sensors: list[Sized] = [*log.tables().values(), *log.device.tables().values()]
+    if log.raw is not None:
+        sensors.append(log.raw.signals)
+    return max(map(len, sensors))
 
 
 def drive_time(log: DriveLog) -> datetime | None:

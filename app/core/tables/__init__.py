@@ -217,6 +217,8 @@ class Drive(Followed, Owned, Base):
     report: Mapped[dict[str, Any] | None]
     bounds: Mapped[WKBElement | None] = mapped_column(shape("POLYGON", SRID_DEGREES))
     epochs: Mapped[int | None]
+    records: Mapped[int | None] = mapped_column(sa.BigInteger)
+    """Those of its log, as they were counted for the owner (``app.access.quotas``); NULL: not yet."""
     distance_m: Mapped[float | None]
     drive_time: Mapped[datetime | None]
     duplicate_of: Mapped[uuid.UUID | None] = mapped_column(sa.ForeignKey("drives.id", ondelete="SET NULL"))

@@ -24,8 +24,9 @@ class OwnerRow(Numbered, Base):
     name: Mapped[str] = mapped_column(unique=True)
     created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     quota_drives: Mapped[int | None] = mapped_column(sa.BigInteger)
-    """Drives that it may upload in a day; NULL: as many as others. ``quota_bytes`` likewise."""
+    """Drives that it may upload in a day; NULL: as many as others. ``quota_bytes`` and ``quota_records`` likewise."""
     quota_bytes: Mapped[int | None] = mapped_column(sa.BigInteger)
+    quota_records: Mapped[int | None] = mapped_column(sa.BigInteger)
     keep_logs_days: Mapped[int | None]
     """Days for which a log is kept after its drive has ended; NULL: as others'."""
     removed_at: Mapped[datetime | None]
@@ -41,6 +42,8 @@ class OwnerUse(Base):
     day: Mapped[date] = mapped_column(primary_key=True)
     drives: Mapped[int] = mapped_column(sa.BigInteger)
     bytes: Mapped[int] = mapped_column(sa.BigInteger)
+    records: Mapped[int] = mapped_column(sa.BigInteger, server_default="0")
+    """Of drives that a worker has read."""
 
 
 class OwnerZoneRow(Numbered, Base):

@@ -44,7 +44,7 @@ def _run_trial(run: RequestRun[Trial]) -> str:
         return True
 
     with about(drive=trial.drive_id), tracing.span("trial", method=trial.method) as span:
-        compute(run.context, trial, progress, run.computing, lambda _: None, keep)
+        compute(run.context, trial, progress, run.computing, keep)
         span.note(outcome="done")
     tell(logger, "trial done", method=trial.method, seconds=round(time.monotonic() - began_s, 3))
     return "done"

@@ -25,7 +25,7 @@ from web_fixtures import served
 
 NOON = datetime(2026, 11, 27, 12, 0, 0, tzinfo=UTC)
 NEXT_DAY = datetime(2026, 11, 28, 0, 0, 1, tzinfo=UTC)
-QUOTA_DRIVES, QUOTA_BYTES = 3, 1000
+QUOTA_DRIVES, QUOTA_BYTES, QUOTA_RECORDS = 3, 1000, 500
 
 
 def log(number: int, size: int = 60) -> bytes:
@@ -48,6 +48,11 @@ class Uploads:
             rows = session.execute(text("SELECT owner_id, day, drives, bytes FROM owner_use ORDER BY 1, 2"))
             return [tuple(row) for row in rows]
 
+    def read(self, records: int) -> None:
+        """A worker reads logs of so many records."""
+        with self.web.sessions.begin() as session:
+            quotas.count_records(session, self.owner_id, quotas.utc_now().date(), records)
+
     def blobs(self) -> int:
         return len(self.web.blobs.keys())
 
@@ -66,19 +71,20 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[datetime], None]:
 
 @pytest.fixture
 def service(settings: Settings, clock: object) -> Iterator[Uploads]:
-    changed = {"access": "keys", "quota_drives": QUOTA_DRIVES, "quota_bytes": QUOTA_BYTES}
-    with served(settings.model_copy(update=changed)) as web:
+    changed = {"quota_drives": QUOTA_DRIVES, "quota_bytes": QUOTA_BYTES, "quota_records": QUOTA_RECORDS}
+    with served(settings.model_copy(update={"access": "keys", **changed})) as web:
         yield Uploads(make_guarded(web))
 
 
 def test_uploads_are_counted_and_told(service: Uploads) -> None:
     answer = service.send(log(1, 200))
     assert answer.status_code == 202, answer.text
-    assert (
-        answer.headers["ratelimit-policy"]
-        == '"drives";q=3;w=86400, "bytes";q=1000;qu="content-bytes";w=86400'
+    assert answer.headers["ratelimit-policy"] == (
+        '"drives";q=3;w=86400, "bytes";q=1000;qu="content-bytes";w=86400, "records";q=500;qu="records";w=86400'
     )
-    assert answer.headers["ratelimit"] == '"drives";r=2;t=43200, "bytes";r=800;t=43200'
+    assert answer.headers["ratelimit"] == (
+        '"drives";r=2;t=43200, "bytes";r=800;t=43200, "records";r=500;t=43200'
+    )
     again = service.send(log(1, 200))
     assert again.status_code == 200
     assert again.headers["ratelimit"] == answer.headers["ratelimit"]
@@ -103,6 +109,26 @@ def test_the_drive_too_many_is_refused_and_costs_nothing(service: Uploads) -> No
     assert service.send(log(9), caller="ben").status_code == 202, "each owner has its own"
     refusals = service.ask("operate", "GET", "/metrics").text
     assert 'versant_uploads_refused_total{quota="drives"} 1.0' in refusals
+
+
+def test_no_upload_begins_when_records_are_used_up(
+    service: Uploads, clock: Callable[[datetime], None]
+) -> None:
+    service.read(QUOTA_RECORDS - 1)
+    assert service.send(log(1)).headers["ratelimit"].endswith('"records";r=1;t=43200')
+    service.read(70)
+    refused = service.send(log(2))
+    assert check(refused, 429)["detail"] == (
+        "You may upload 500 records a day: 569 were uploaded today. The count begins anew at 2026-11-28 00:00 UTC. "
+        "Send it again then."
+    )
+    assert refused.headers["retry-after"] == "43200"
+    assert refused.headers["ratelimit"].endswith('"records";r=0;t=43200')
+    assert service.blobs() == 1
+    assert service.send(log(2), caller="ben").status_code == 202, "each owner has its own"
+    assert 'refused_total{quota="records"} 1.0' in service.ask("operate", "GET", "/metrics").text
+    clock(NEXT_DAY)
+    assert service.send(log(2)).status_code == 202
 
 
 def test_a_removed_drive_stays_counted(service: Uploads) -> None:
@@ -145,18 +171,20 @@ def test_what_no_day_has_room_for_is_not_to_be_sent_again(service: Uploads) -> N
     assert problem["detail"].endswith("Send less, or ask whoever runs the service for more.")
 
 
-def test_a_refused_body_is_not_read(service: Uploads) -> None:
+@pytest.mark.parametrize(("size", "records"), [(5000, 0), (50, QUOTA_RECORDS)])
+def test_a_refused_body_is_not_read(service: Uploads, size: int, records: int) -> None:
+    service.read(records)
     place, key = urlsplit(service.web.base), service.secrets["anna upload"]
     head = (
         f"POST /v1/drives HTTP/1.1\r\nHost: {place.netloc}\r\nAuthorization: Bearer {key}\r\n"
-        "Content-Length: 5000\r\n\r\n"
+        f"Content-Length: {size}\r\n\r\n"
     )
     with socket.create_connection((place.hostname, place.port), timeout=30) as connection:
         connection.sendall(head.encode())
         answer = connection.makefile("rb").read()  # nothing of the body is ever sent
     assert answer.startswith(b"HTTP/1.1 429")
     assert b"\r\nretry-after: 43200\r\n" in answer.lower()
-    assert service.use() == []
+    assert service.use() == [(service.owner_id, NOON.date(), 0, 0)]
     assert service.blobs() == 0
 
 
@@ -225,6 +253,7 @@ def test_an_owner_has_quotas_of_its_own(service: Uploads) -> None:
         ({"quota_drives": -1}, "quota_drives"),
         ({"quota_bytes": 10**15}, "quota_bytes"),
         ({"quota_drives": "many"}, "quota_drives"),
+        ({"quota_records": 1.5}, "quota_records"),
         ({"name": "x"}, "name"),
     ],
 )
@@ -236,6 +265,7 @@ def test_quotas_that_cannot_be(service: Uploads, change: dict[str, Any], field: 
 def test_an_owner_sees_its_own_figures_and_nobody_else_s(service: Uploads) -> None:
     service.send(log(1, 100))
     service.send(log(1, 90), caller="ben")
+    service.read(7)
     document = service.ask("anna", "GET", "/v1/owner").json()
     assert document == {
         "id": service.owner_id,
@@ -247,14 +277,17 @@ def test_an_owner_sees_its_own_figures_and_nobody_else_s(service: Uploads) -> No
         "bytes": 100,
         "quota_drives": None,
         "quota_bytes": None,
+        "quota_records": None,
         "keep_logs_days": None,
         "logs_kept_days": None,
         "today": {
             "day": "2026-11-27",
             "drives": 1,
             "bytes": 100,
+            "records": 7,
             "quota_drives": QUOTA_DRIVES,
             "quota_bytes": QUOTA_BYTES,
+            "quota_records": QUOTA_RECORDS,
             "until": "2026-11-28T00:00:00Z",
         },
     }
@@ -302,5 +335,7 @@ def test_nobody_counts_for_another(sessions_of_callers: Sessions) -> None:
     with as_caller(Caller("own", 2)):
         with sessions_of_callers() as session, pytest.raises(ProgrammingError, match="row-level security"):
             session.execute(insert)
+        with sessions_of_callers() as session, pytest.raises(ProgrammingError, match="row-level security"):
+            quotas.count_records(session, 3, NOON.date(), 9)
         with sessions_of_callers.begin() as session:
             assert session.execute(update).rowcount == 0  # type: ignore[attr-defined]

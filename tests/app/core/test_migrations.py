@@ -99,7 +99,15 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
     assert added[:4] == [
         {"dem_heights_m", "cell", "regions"},
         {"duplicate_of", "batch_id", "before_batch", "content_sha256"}
-        | {"failure_version", "computed_at", "traceparent", "owner_id", "sent_by", "log_deleted_at"},
+        | {
+            "failure_version",
+            "computed_at",
+            "traceparent",
+            "owner_id",
+            "sent_by",
+            "log_deleted_at",
+            "records",
+        },
         {"road_state"},
         {"in_network"},
     ]

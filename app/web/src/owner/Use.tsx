@@ -10,14 +10,19 @@ function used(amount: number, most: number | null, as: (value: number) => string
     : t("owner.of_quota", { used: said, most: as(most) });
 }
 
+const KINDS = [
+  ["drives", number],
+  ["bytes", size],
+  ["records", number],
+] as const;
+
 export function Use({ of: { today, ...owner } }: { of: Figures }) {
   const facts = [
     [t("owner.drives"), number(owner.drives)],
     [t("owner.logs"), size(owner.bytes)],
     [t("owner.keys"), number(owner.keys)],
     [t("owner.since"), moment(owner.created_at)],
-    [t("owner.today_drives"), used(today.drives, today.quota_drives, number)],
-    [t("owner.today_bytes"), used(today.bytes, today.quota_bytes, size)],
+    ...KINDS.map(([kind, as]) => [t(`owner.today.${kind}`), used(today[kind], today[`quota_${kind}`], as)]),
   ];
   return (
     <section class="card" aria-labelledby="has">
@@ -30,7 +35,7 @@ export function Use({ of: { today, ...owner } }: { of: Figures }) {
           </div>
         ))}
       </dl>
-      {(today.quota_drives !== null || today.quota_bytes !== null) && (
+      {KINDS.some(([kind]) => today[`quota_${kind}`] !== null) && (
         <p class="quiet-text">{t("owner.until", { when: moment(today.until) })}</p>
       )}
     </section>
