@@ -64,6 +64,13 @@ _OF_ROADS = ("segments", "road_versions", "dem_versions", "regions", "editions")
 """Of the live tables those that the public may read: what nobody drove."""
 _GIVE_ROADS = "GRANT SELECT ON {tables} TO {public}"
 _HAS_EDITION = "SELECT to_regclass('editions') IS NOT NULL"
+# Whoever may call them is answered what is his own alone; the others may not even call.
+_GIVE_PLACES = (
+    "REVOKE EXECUTE ON FUNCTION {functions} FROM PUBLIC",
+    "GRANT EXECUTE ON FUNCTION {functions} TO {owner}, {operator}",
+)
+_OF_PLACES = "versant_places(bigint), versant_place_share(bigint, float8, float8)"
+_HAS_PLACES = "SELECT to_regproc('versant_place_share') IS NOT NULL"
 _COMMENT = "COMMENT ON TABLE procrastinate_jobs IS {}"
 
 
@@ -110,7 +117,10 @@ def ensure_roles(connection: Connection) -> None:
 
 
 def give_rights(url: str) -> None:
-    """Let the API's roles use every table and sequence that there is; row level security says which rows."""
+    """Let the API's roles use every table and sequence that there is; row level security says which rows.
+
+    What looks into other schemas for them only those of them may call that need it.
+    """
     with psycopg.connect(libpq_url(url), autocommit=True) as connection:
         if (connection.execute(_HAS_OWNERS).fetchone() or (False,))[0]:
             connection.execute(_GIVE.format(role=API_ROLE))
@@ -123,6 +133,10 @@ def give_rights(url: str) -> None:
             }
             for statement in (*_GIVE_EDITION, _GIVE_ROADS):
                 connection.execute(statement.format(**names))
+        if (connection.execute(_HAS_PLACES).fetchone() or (False,))[0]:
+            may_ask = {"owner": ROLES["own"], "operator": ROLES["operate"]}
+            for statement in _GIVE_PLACES:
+                connection.execute(statement.format(functions=_OF_PLACES, **may_ask))
 
 
 def queue_files() -> list[str]:

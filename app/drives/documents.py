@@ -145,6 +145,7 @@ class Drive(
             )
 
     # The service's own, in no document.
+    owner_id: int = Field(exclude=True)
     blob_key: str = Field(exclude=True)
     generation: int = Field(exclude=True)
     duplicate_is_anothers: bool | None = Field(exclude=True)

@@ -33,6 +33,20 @@ class Circle:
     lat_deg: float
     radius_m: float
 
+    @classmethod
+    def drawn(cls, lon_deg: float, lat_deg: float, share: float) -> Circle:
+        """Around a place for which this share, 0 to 1, was drawn."""
+        return cls(lon_deg, lat_deg, NEAREST_M + (FARTHEST_M - NEAREST_M) * share)
+
+    def offsets_m(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
+        """East and north of the middle; shape (n, 2)."""
+        scale = METRES_PER_DEGREE * np.array([np.cos(np.radians(self.lat_deg)), 1.0])
+        return np.asarray((np.stack([lon_deg, lat_deg], 1) - (self.lon_deg, self.lat_deg)) * scale, float)
+
+    def beyond_m(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
+        """How far outside of the circle places are; below 0 inside, NaN where a place is not known."""
+        return np.asarray(np.hypot(*self.offsets_m(lon_deg, lat_deg).T) - self.radius_m, float)
+
 
 @dataclass(frozen=True, eq=False)
 class Driven:
@@ -46,17 +60,15 @@ class Driven:
     lat0_deg: Floats
     lon1_deg: Floats
     lat1_deg: Floats
+    entered_s: Floats
 
     def __len__(self) -> int:
         return len(self.sequence)
 
     def distance_m(self, circle: Circle) -> Floats:
         """From the middle of a circle to each segment, a straight line; shape (n,)."""
-        scale = METRES_PER_DEGREE * np.array([np.cos(np.radians(circle.lat_deg)), 1.0])
-        start = (np.stack([self.lon0_deg, self.lat0_deg], 1) - (circle.lon_deg, circle.lat_deg)) * scale
-        along = (
-            np.stack([self.lon1_deg, self.lat1_deg], 1) - (circle.lon_deg, circle.lat_deg)
-        ) * scale - start
+        start = circle.offsets_m(self.lon0_deg, self.lat0_deg)
+        along = circle.offsets_m(self.lon1_deg, self.lat1_deg) - start
         share = -np.sum(start * along, 1) / np.maximum(np.sum(along**2, 1), 1e-9)
         return np.asarray(np.hypot(*(start + np.clip(share, 0, 1)[:, None] * along).T), float)
 
@@ -87,6 +99,12 @@ def ends_of(track: Timed) -> Floats:
     pauses = np.flatnonzero(np.diff(time_s) >= STOP_S)
     rows = np.unique(np.concatenate([[0, len(time_s) - 1], begins, pauses, pauses + 1]).astype(np.int64))
     return np.asarray(at[rows], float)
+
+
+def ends_of_drive(track: Timed | None, driven: Driven | None) -> Floats:
+    """The same by its track, or, where that knows no place, by its passes."""
+    ends = np.empty((0, 2)) if track is None else ends_of(track)
+    return ends if len(ends) or driven is None else driven.ends()
 
 
 def _stands(time_s: Floats, at: Floats) -> Bools:

@@ -107,7 +107,7 @@ class ToExamine(NamedTuple):
     state: str
 
 
-EXAMINED_BY = "1"
+EXAMINED_BY = "2"
 """Raise it whenever the same drive would be examined with another result."""
 
 # What is called by its bare name here is the live map's; the search path is the usual one until ``read_told``.
@@ -130,20 +130,23 @@ _NOTE_EXAMINED = text("""
     SELECT id, :state, CAST(:hidden AS integer[]) FROM drives WHERE id = :drive_id
     ON CONFLICT (drive_id) DO UPDATE SET state = excluded.state, hidden = excluded.hidden
 """)
-_SECRET = text("SELECT secret FROM told.standing")
-_PLACES = text("SELECT owner_id, lon_deg, lat_deg, radius_m FROM told.places ORDER BY id")
+# The roles of the API may not look into ``told``; by these functions an owner is answered what is his own.
+_PLACES = text("SELECT lon_deg, lat_deg, radius_m FROM versant_places(:owner_id) ORDER BY id")
+_PLACE_SHARE = text("SELECT versant_place_share(:owner_id, :lon_deg, :lat_deg)")
 _ADD_PLACE = text("""
     INSERT INTO told.places (owner_id, lon_deg, lat_deg, radius_m)
     SELECT id, :lon_deg, :lat_deg, :radius_m FROM owners WHERE id = :owner_id
 """)
-_ZONES = text("SELECT owner_id, lon_deg, lat_deg, radius_m FROM owner_zones ORDER BY id")
+_ZONES = text("SELECT lon_deg, lat_deg, radius_m FROM owner_zones WHERE owner_id = :owner_id ORDER BY id")
 _TRACKS = "SELECT drive_id, track FROM drive_tracks WHERE drive_id = ANY(%(ids)s)"
-_DRIVEN = """
-    SELECT p.drive_id, p.sequence, p.segment_id, s.from_node, s.to_node, ST_X(ST_StartPoint(s.geom)),
-           ST_Y(ST_StartPoint(s.geom)), ST_X(ST_EndPoint(s.geom)), ST_Y(ST_EndPoint(s.geom))
+_ROAD = """s.from_node, s.to_node, ST_X(ST_StartPoint(s.geom)), ST_Y(ST_StartPoint(s.geom)),
+           ST_X(ST_EndPoint(s.geom)), ST_Y(ST_EndPoint(s.geom))"""
+_DRIVEN = f"""
+    SELECT p.drive_id, p.sequence, p.segment_id, {_ROAD}, p.entered_s
     FROM drive_passes AS p JOIN segments AS s ON s.id = p.segment_id
     WHERE p.drive_id = ANY(%(ids)s) ORDER BY p.drive_id, p.sequence
-"""
+"""  # noqa: S608 - constants
+_ROADS = f"SELECT s.id, {_ROAD} FROM segments AS s WHERE s.id = ANY(%(ids)s::bigint[])"  # noqa: S608 - constants
 # Nodes have no index of their own: their places have.
 _ROADS_AT = """
     WITH known AS (
@@ -168,14 +171,15 @@ def note_examined(session: Session, drive: ToExamine, hidden: Sequence[int]) -> 
     session.execute(_NOTE_EXAMINED, values)
 
 
-def secret(session: Session) -> bytes:
-    """The key by which radii are drawn."""
-    return bytes(session.execute(_SECRET).scalar_one())
+def places(session: Session, owner_id: int) -> list[Circle]:
+    """The owner's places that are known, in the order in which they came to be; none for who may not ask."""
+    return [Circle(*circle) for circle in session.execute(_PLACES, {"owner_id": owner_id})]
 
 
-def places(session: Session) -> list[tuple[int, Circle]]:
-    """Each owner's places that are known."""
-    return [(owner_id, Circle(*circle)) for owner_id, *circle in session.execute(_PLACES)]
+def place_share(session: Session, owner_id: int, lon_deg: float, lat_deg: float) -> float:
+    """What is drawn for an owner's place that is not known, 0 to 1: the same whenever it is asked."""
+    values = {"owner_id": owner_id, "lon_deg": lon_deg, "lat_deg": lat_deg}
+    return float(session.execute(_PLACE_SHARE, values).scalar_one())
 
 
 def add_place(session: Session, owner_id: int, circle: Circle) -> None:
@@ -183,12 +187,9 @@ def add_place(session: Session, owner_id: int, circle: Circle) -> None:
     session.execute(_ADD_PLACE, {"owner_id": owner_id, **asdict(circle)})
 
 
-def zones(session: Session) -> dict[int, list[Circle]]:
-    """The zones of each owner that has any."""
-    by_owner: dict[int, list[Circle]] = {}
-    for owner_id, *circle in session.execute(_ZONES):
-        by_owner.setdefault(owner_id, []).append(Circle(*circle))
-    return by_owner
+def zones(session: Session, owner_id: int) -> list[Circle]:
+    """The owner's zones."""
+    return [Circle(*circle) for circle in session.execute(_ZONES, {"owner_id": owner_id})]
 
 
 def tracks(session: Session, drive_ids: Sequence[uuid.UUID]) -> dict[uuid.UUID, Timed]:
@@ -206,11 +207,19 @@ def _timed(data: bytes) -> Timed:
 def driven(session: Session, drive_ids: Sequence[uuid.UUID]) -> dict[uuid.UUID, Driven]:
     """The passes of those of the drives that have any."""
     rows = fetch_binary(session, _DRIVEN, {"ids": list(drive_ids)})
-    found = {}
-    for drive_id, of_drive in groupby(rows, key=lambda row: row[0]):
-        columns: list[NDArray[Any]] = [np.array(c) for c in zip(*(row[1:] for row in of_drive), strict=True)]
-        found[drive_id] = Driven(*columns)
-    return found
+    by_drive = groupby(rows, key=lambda row: row[0])
+    return {drive_id: driven_of([row[1:] for row in of_drive]) for drive_id, of_drive in by_drive}
+
+
+def driven_of(passes: Sequence[tuple[Any, ...]]) -> Driven:
+    """These passes, each as ``Driven`` has it; at least one."""
+    columns: list[NDArray[Any]] = [np.array(column) for column in zip(*passes, strict=True)]
+    return Driven(*columns)
+
+
+def roads(session: Session, segment_ids: Sequence[int]) -> dict[int, list[Any]]:
+    """Nodes and ends of those of the segments that there are, as a pass over one has them (``driven_of``)."""
+    return {number: of_road for number, *of_road in fetch_binary(session, _ROADS, {"ids": list(segment_ids)})}
 
 
 def roads_at(session: Session, segment_ids: Sequence[int]) -> dict[int, int]:

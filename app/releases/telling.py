@@ -8,10 +8,8 @@ segment is unknown again.
 
 from __future__ import annotations
 
-import hashlib
-import hmac
-import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 
 from sqlalchemy.orm import Session
 
@@ -19,47 +17,12 @@ from app.core.db import Sessions
 from app.network.marks import append_marks
 from app.releases import choosing, store
 from app.releases.condensing import condense_told
-from app.releases.ends import (
-    FARTHEST_M,
-    NEAREST_M,
-    SAME_PLACE_M,
-    Circle,
-    Driven,
-    Timed,
-    apart,
-    distance_m,
-    ends_of,
-    hidden,
-    near,
-)
+from app.releases.ends import ends_of_drive, hidden, near
+from app.releases.places import Places
 from app.releases.store import ToExamine
-from fusion.types import Floats, Progress, no_progress
+from fusion.types import Progress, no_progress
 
 DRIVES_AT_ONCE = 50
-
-
-class Places:
-    """The places of owners, each with the radius that was drawn for it once."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self._secret = store.secret(session)
-        self._of: dict[int, list[Circle]] = {}
-        for owner_id, circle in store.places(session):
-            self._of.setdefault(owner_id, []).append(circle)
-
-    def circle(self, owner_id: int, lon_deg: float, lat_deg: float) -> Circle:
-        """Around the owner's place that this is, or a new one."""
-        mine = self._of.setdefault(owner_id, [])
-        known = [(distance_m(lon_deg, lat_deg, c.lon_deg, c.lat_deg), k) for k, c in enumerate(mine)]
-        if known and min(known)[0] <= SAME_PLACE_M:
-            return mine[min(known)[1]]
-        name = f"{owner_id} {lon_deg:.5f} {lat_deg:.5f}".encode()
-        drawn = int.from_bytes(hmac.digest(self._secret, name, hashlib.sha256)[:8])
-        circle = Circle(lon_deg, lat_deg, NEAREST_M + (FARTHEST_M - NEAREST_M) * drawn / 2**64)
-        store.add_place(self._session, owner_id, circle)
-        mine.append(circle)
-        return circle
 
 
 class Junctions:
@@ -91,14 +54,13 @@ def examine(sessions: Sessions, progress: Progress = no_progress) -> int:
 
 
 def _examine_some(session: Session, drives: Sequence[ToExamine], junctions: Junctions) -> None:
-    places, zones = Places(session), store.zones(session)
+    places = Places(session, partial(store.add_place, session))
     ids = [one.drive_id for one in drives]
     tracks, driven = store.tracks(session, ids), store.driven(session, ids)
     circles = {
-        one.drive_id: [
-            *(places.circle(one.owner_id, *end) for end in apart(_ends(one, tracks, driven[one.drive_id]))),
-            *zones.get(one.owner_id, ()),
-        ]
+        one.drive_id: places.around(
+            one.owner_id, ends_of_drive(tracks.get(one.drive_id), driven[one.drive_id])
+        )
         for one in drives
         if one.drive_id in driven
     }
@@ -108,12 +70,6 @@ def _examine_some(session: Session, drives: Sequence[ToExamine], junctions: Junc
         if one.drive_id in circles:
             out = hidden(driven[one.drive_id], circles[one.drive_id], roads_at)
             store.note_examined(session, one, out.tolist())
-
-
-def _ends(one: ToExamine, tracks: Mapping[uuid.UUID, Timed], driven: Driven) -> Floats:
-    track = tracks.get(one.drive_id)
-    ends = ends_of(track) if track is not None else driven.ends()
-    return ends if len(ends) else driven.ends()
 
 
 def tell(sessions: Sessions, owners_needed: int, progress: Progress = no_progress) -> list[int]:

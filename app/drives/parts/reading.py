@@ -28,6 +28,7 @@ from app.drives.outputs.measurements import measurements_json
 from app.drives.outputs.profile import Profile, RoadFacts, build_profile
 from app.drives.outputs.profile_document import fewer, profile_csv, profile_json
 from app.drives.outputs.thinning import LEAST, MOST
+from app.drives.parts.without_ends import Ends, shown_measurements, shown_track
 from app.map.segments import SEGMENT_EXAMPLE
 from app.map.store import DriveSegmentRow
 from fusion.types import DrawnMeasurements, Track
@@ -94,29 +95,32 @@ FindRun = Callable[[Session], RunParts]
 """Finds a run; raises where there is none, or none that is done."""
 
 
-def run_of_drive(drive_id: uuid.UUID) -> FindRun:
+def run_of_drive(drive_id: uuid.UUID, ends: Ends = None) -> FindRun:
     """Finds the last successful run of the drive."""
 
     def find(session: Session) -> RunParts:
-        drive, track = drive_and_track(session, drive_id)
+        drive, track = drive_and_track(session, drive_id, ends)
         return RunParts(
             {"drive_id": str(drive.id)},
             stem_of(drive.filename),
             lambda: drive_profile(session, drive_id, track),
-            lambda: tracks.read_measurements(session, drive_id),
+            lambda: shown_measurements(tracks.read_measurements(session, drive_id), track, ends),
         )
 
     return find
 
 
-def drive_and_track(session: Session, drive_id: uuid.UUID) -> tuple[Drive, Track]:
-    """The drive and the track of its last successful run; ``NotFoundError`` says why there is none."""
+def drive_and_track(session: Session, drive_id: uuid.UUID, ends: Ends = None) -> tuple[Drive, Track]:
+    """The drive and the track of its last successful run, perhaps without the ends of the trip.
+
+    ``NotFoundError`` says why there is none.
+    """
     drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
     track = tracks.read_track(session, drive_id)
     if track is None:
         reason = f" It failed: {drive.failure.reason}" if drive.failure else " Look again when it is done."
         raise NotFoundError(f"The drive {drive_id} is {drive.status} and has no track.{reason}")
-    return drive, track
+    return drive, shown_track(session, drive, track, ends)
 
 
 def profile_of(session: Session, track: Track, slopes: Mapping[int, tuple[float, float]]) -> Profile:

@@ -5,13 +5,11 @@ Knows no SQL and draws nothing.
 
 from __future__ import annotations
 
-import logging
 import uuid
 from typing import Annotated, Any, BinaryIO, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
-from sqlalchemy.exc import SQLAlchemyError
 from starlette.concurrency import run_in_threadpool
 
 from app.core.errors import NotFoundError
@@ -32,7 +30,6 @@ from app.core.http import link_documents as documents
 from app.core.query import cursor_of, parse_cursor
 from app.core.text import GEO_JSON
 from app.drives import store as drives
-from app.drives import tracks
 from app.drives.documents import Drive, drive_address
 from app.drives.outputs.drawing import Drawing
 from app.drives.outputs.estimates import estimate_feature
@@ -41,6 +38,7 @@ from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.drives.outputs.profile_marks import datum_words
 from app.drives.outputs.track import TRACK_EXAMPLE, track_chunks
 from app.drives.outputs.track_files import track_csv, track_gpx
+from app.drives.parts.pictures import kept_picture, picture_to_hand_on, picture_to_keep
 from app.drives.parts.reading import (
     CSV,
     ESTIMATES,
@@ -53,7 +51,6 @@ from app.drives.parts.reading import (
     as_file,
     attachment,
     drive_and_track,
-    drive_profile,
     estimates_answer,
     form_of,
     in_blocks,
@@ -64,6 +61,7 @@ from app.drives.parts.reading import (
     stem_of,
     text_content,
 )
+from app.drives.parts.without_ends import EndsQuery, shown_estimates
 from app.exports.ranges import file_answer
 from app.map.segment import attribution
 from app.map.segments import MAX_ID, CursorQuery
@@ -93,8 +91,6 @@ _FILE: dict[str, Any] = {
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
-log = logging.getLogger(__name__)
-
 
 @router.get(
     "/{drive_id}/track",
@@ -118,15 +114,17 @@ def drive_track(
     service: ServiceDep,
     base: BaseUrl,
     f: Annotated[Literal["geojson", "csv", "gpx"] | None, Query(description=OVERRIDES)] = None,
+    ends: EndsQuery = None,
 ) -> StreamingResponse:
     """Where the vehicle was, with sigmas. The first feature is the path, interrupted where the recording was.
 
     Heights are those of the road's surface. Unknown is null. CSV has the columns of a log and can be uploaded again;
-    GPX 1.1 has a track segment for each uninterrupted stretch.
+    GPX 1.1 has a track segment for each uninterrupted stretch. `ends=hidden` leaves out where the trip began, ended and
+    stopped, for whom the file is handed on to.
     """
     form = form_of(f, request.headers.get("accept"), TRACKS)
     with service.reading() as session:
-        drive, track = drive_and_track(session, drive_id)
+        drive, track = drive_and_track(session, drive_id, ends)
     report, stem = drive.report or {}, stem_of(drive.filename)
     if form == "csv":
         chunks, headers = track_csv(track, report.get("height_datum")), as_file(f"{stem}-track.csv")
@@ -134,7 +132,8 @@ def drive_track(
         chunks = track_gpx(track, drive.filename, datum_words(report))
         headers = as_file(f"{stem}-track.gpx")
     else:
-        links = documents([link(f"{drive_address(base, drive)}/track", "self", GEO_JSON)])
+        here = with_query(f"{drive_address(base, drive)}/track", ends=ends)
+        links = documents([link(here, "self", GEO_JSON)])
         chunks, headers = track_chunks(track, track.segment, {"links": links}), VARY
     return StreamingResponse(in_blocks(chunks), media_type=TRACKS[form], headers=headers)
 
@@ -161,21 +160,23 @@ async def get_profile(
     service: ServiceDep,
     f: Annotated[Literal["json", "png", "csv"] | None, Query(description=OVERRIDES)] = None,
     points: PointsQuery = None,
+    ends: EndsQuery = None,
 ) -> Response:
     """Height, grade and segment slopes over the distance driven; slopes here are in the direction of travel.
 
     JSON, or a PNG where the Accept header prefers `image/png` or `f=png` asks for it, or a CSV of the same columns.
     Pictures are drawn one at a time and kept; where many wait the answer is 503. `points` makes columns short enough to
-    be drawn at once; a picture shows all.
+    be drawn at once; a picture shows all. With `ends=hidden` a picture is drawn anew each time.
     """
     form = form_of(f, request.headers.get("accept"), PROFILES)
     if form != "png":
-        return await profile_answer(service, run_of_drive(drive_id), form, points)
-    picture = await run_in_threadpool(_kept_picture, service, drive_id)
+        return await profile_answer(service, run_of_drive(drive_id, ends), form, points)
+    picture = None if ends else await run_in_threadpool(kept_picture, service, drive_id)
     if picture is None:
         drawing: Drawing = request.app.state.drawing
         async with drawing.request_class.place():
-            picture = await run_in_threadpool(_picture, service, drawing, drive_id)
+            draw = picture_to_hand_on if ends else picture_to_keep
+            picture = await run_in_threadpool(draw, service, drawing, drive_id)
     return Response(picture, media_type=PNG, headers=VARY)
 
 
@@ -207,6 +208,7 @@ def drive_segments(
             description="Overrides the Accept header, and asks for all segments at once unless `limit` is set."
         ),
     ] = None,
+    ends: EndsQuery = None,
 ) -> Response:
     """Slope and sigma of each segment **from this drive alone**, in the order of driving.
 
@@ -214,7 +216,8 @@ def drive_segments(
     segment's observations), and what all drives together say:
     `combined_slope_percent`, `combined_slope_sigma_percent`, `combined_drives`. Empty before the first run.
     Follow the `next` link until there is none; each segment comes once. `f`, and CSV in any case, give all that come
-    after `after` in one answer, unless `limit` is set.
+    after `after` in one answer, unless `limit` is set. `ends=hidden` leaves out a segment with any
+    pass that it leaves out.
     """
     form = form_of(f, request.headers.get("accept"), ESTIMATES)
     place = None if after is None else parse_cursor(after, MAX_ID)
@@ -222,13 +225,15 @@ def drive_segments(
     at_once = limit is None and (f is not None or form == "csv")
     with service.reading() as session:
         drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
-        rows = drive_segment_rows(session, drive_id, limit=None if at_once else size + 1, after=place)
+        most = None if at_once or ends else size + 1
+        rows = drive_segment_rows(session, drive_id, limit=most, after=place)
+        rows = shown_estimates(session, drive, rows, ends)
     shown = rows if at_once else rows[:size]
     here = f"{drive_address(base, drive)}/segments"
-    links = [link(with_query(here, limit=limit, after=after, f=f), "self", GEO_JSON)]
+    links = [link(with_query(here, limit=limit, after=after, f=f, ends=ends), "self", GEO_JSON)]
     if len(rows) > len(shown):
         following = cursor_of(shown[-1].first_at, shown[-1].segment.stored_id)
-        links.append(link(with_query(here, limit=limit, after=following, f=f), "next", GEO_JSON))
+        links.append(link(with_query(here, limit=limit, after=following, f=f, ends=ends), "next", GEO_JSON))
     members = {"attribution": attribution(), "numberReturned": len(shown), "links": documents(links)}
     if at_once or form == "csv":
         return estimates_answer(form, shown, members, stem_of(drive.filename))
@@ -249,13 +254,13 @@ def drive_segments(
     },
 )
 async def drive_measurements(
-    drive_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None
+    drive_id: uuid.UUID, service: ServiceDep, points: PointsQuery = None, ends: EndsQuery = None
 ) -> Response:
     """What stands behind the profile: heights and grades as each sensor has them, placed on the profile's axis.
 
     `points` is of each sensor. Methods that tell of no measurements have none.
     """
-    return await measurements_answer(service, run_of_drive(drive_id), points)
+    return await measurements_answer(service, run_of_drive(drive_id, ends), points)
 
 
 @router.get(
@@ -291,31 +296,6 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         }
 
     return file_answer(request, etag, size, BYTES, opened)
-
-
-def _kept_picture(service: Service, drive_id: uuid.UUID) -> bytes | None:
-    """The picture of the drive as it is now, where it was drawn already."""
-    with service.reading() as session:
-        drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
-        return tracks.read_picture(session, drive)
-
-
-def _picture(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
-    # Another request may have drawn it while this one waited.
-    if drawn := _kept_picture(service, drive_id):
-        return drawn
-    with service.reading() as session:
-        drive, track = drive_and_track(session, drive_id)
-        profile = drive_profile(session, drive_id, track)
-        measurements = tracks.read_measurements(session, drive_id)
-    datum = datum_words(drive.report or {})
-    picture = drawing.profile(profile, drive.filename, measurements, datum)
-    try:
-        with service.sessions.begin() as session:
-            tracks.keep_picture(session, drive, picture, service.settings.pictures_kept)
-    except SQLAlchemyError as error:  # it is a picture nevertheless
-        log.warning("the picture of drive %s is not kept: %s", drive_id, error)
-    return picture
 
 
 def _opened(service: Service, drive: Drive) -> BinaryIO:

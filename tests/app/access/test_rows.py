@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 from sqlalchemy import Engine, inspect, text
 from sqlalchemy.exc import ProgrammingError
 
-from app.core.caller import NOBODY, OPERATOR_OWNER, ROLES, Caller, as_caller, guard
+from app.core.caller import NOBODY, OPERATOR_OWNER, ROLES, Caller, Scope, as_caller, guard
 from app.core.db import Sessions, make_engine
 from app.core.tables import Base
 from gate_support import Guarded, Things
@@ -123,6 +124,57 @@ def test_the_roles_own_no_table(engine: Engine) -> None:
     with engine.connect() as connection:
         owned = text("SELECT count(*) FROM pg_tables WHERE tableowner = ANY(:roles)")
         assert connection.execute(owned, {"roles": list(ROLES.values())}).scalar_one() == 0
+
+
+_ADD_PLACE = text(
+    "INSERT INTO told.places (owner_id, lon_deg, lat_deg, radius_m) VALUES (:owner, 8, 49, 200)"
+)
+_PLACES = text("SELECT count(*) FROM versant_places(:owner)")
+_SHARE = text("SELECT versant_place_share(:owner, 8.4012, 49.0012)")
+
+
+def test_an_owner_is_told_of_its_places_by_a_function_alone(
+    shared: tuple[Guarded, dict[str, Things]], engine: Engine
+) -> None:
+    """The roles may not look into ``told``, where the places of all are."""
+    guarded, _ = shared
+    anna, ben = ({"owner": guarded.owners[name]} for name in ("anna", "ben"))
+    with guarded.web.sessions.begin() as session:
+        session.execute(_ADD_PLACE, anna)
+        drawn = session.execute(_SHARE, anna).scalar_one()  # as an edition draws
+    assert 0 <= drawn < 1
+    for caller, places in (
+        (Caller("own", anna["owner"]), (1, 0)),
+        (Caller("own", ben["owner"]), (0, 0)),
+        (Caller("operate", OPERATOR_OWNER), (1, 0)),
+    ):
+        with as_caller(caller), engine.connect() as connection:
+            assert tuple(connection.execute(_PLACES, one).scalar_one() for one in (anna, ben)) == places
+            may_ask = caller.scope == "operate" or caller.owner_id == anna["owner"]
+            assert connection.execute(_SHARE, anna).scalar() == (drawn if may_ask else None)
+    sender = Caller("upload", anna["owner"], guarded.ids["anna upload"])
+    for caller in (NOBODY, replace(NOBODY, sees="edition"), sender):
+        for query in (_PLACES, _SHARE):
+            with (
+                as_caller(caller),
+                engine.connect() as connection,
+                pytest.raises(ProgrammingError, match="denied"),
+            ):
+                connection.execute(query, anna)
+
+
+@pytest.mark.parametrize("table", ["places", "standing", "examined"])
+@pytest.mark.parametrize("scope", ["nobody", "upload", "own", "operate"])
+def test_no_role_looks_into_what_is_told(
+    shared: tuple[Guarded, dict[str, Things]], engine: Engine, scope: Scope, table: str
+) -> None:
+    caller = Caller(scope, shared[0].owners["anna"])
+    with (
+        as_caller(caller),
+        engine.connect() as connection,
+        pytest.raises(ProgrammingError, match="permission"),
+    ):
+        connection.execute(text(f"SELECT count(*) FROM told.{table}"))
 
 
 def test_a_transaction_after_another_callers_is_its_own(

@@ -44,7 +44,7 @@ def street(count: int = 30, length_m: float = 50.0) -> Driven:
     k = np.arange(count)
     lon = 8.0 + k * length_m * EAST_DEG
     lat = np.full(count, LAT)
-    return Driven(k, k + 500, k, k + 1, lon, lat, lon + length_m * EAST_DEG, lat)
+    return Driven(k, k + 500, k, k + 1, lon, lat, lon + length_m * EAST_DEG, lat, 10.0 * k)
 
 
 def test_a_drive_ends_where_it_begins_and_where_it_ends() -> None:

@@ -12,7 +12,7 @@ from sqlalchemy import text
 
 from access_support import Keyed
 from app.access import store
-from app.core.caller import Caller, as_caller, guard
+from app.core.caller import ROLES, Caller, as_caller, guard
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
 from app.drives.store import list_drives
@@ -58,6 +58,12 @@ def test_keys_and_owners_come_back_to_a_server_without_roles(
         assert upkeep.lacking_roles(session) == []
         for table, rows in (("sessions", 0), ("login_links", 0), ("owners", 3), ("keys", 5)):
             assert session.execute(text(f"SELECT count(*) FROM {table}")).scalar_one() == rows, table
+        # Dumps hold no rights: who may call what looks into ``told`` is said anew.
+        may_call = text(
+            "SELECT has_function_privilege(CAST(:role AS name), 'versant_places(bigint)', 'EXECUTE')"
+        )
+        callers = {role for role in ROLES.values() if session.execute(may_call, {"role": role}).scalar_one()}
+        assert callers == {ROLES["own"], ROLES["operate"]}
     with server_maker(strange) as web:
         for holder, drive in ((keyed.a.own, mine), (keyed.b.own, theirs)):
             sent = {"Authorization": f"Bearer {holder.secret}"}

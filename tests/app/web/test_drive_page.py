@@ -211,6 +211,18 @@ def test_a_trial_is_made_beside_the_drive(drives: Drives, tab: Tab) -> None:
     assert drives.web.client.get(address).json()["trials"] == []
 
 
+def test_files_are_to_be_had_without_the_ends_of_the_trip(drives: Drives, tab: Tab) -> None:
+    page = opened(tab, drives.address("first.csv"))
+    address = f"/v1/drives/{drives.ids['first.csv']}"
+    files = page.get_by_role("region", name="Files")
+    expect(files.get_by_role("link", name="Track as GPX")).to_have_attribute("href", f"{address}/track?f=gpx")
+    files.get_by_role("checkbox", name="Without the ends of the trip").check()
+    for name, part in (("Track as GPX", "track?f=gpx"), ("Profile as PNG", "profile?f=png")):
+        link = files.get_by_role("link", name=name)
+        expect(link).to_have_attribute("href", f"{address}/{part}&ends=hidden")
+    expect(files.get_by_role("link", name="The log")).to_have_attribute("href", f"{address}/log")
+
+
 def test_one_that_failed_says_why_and_is_tried_again(drives: Drives, tab: Tab) -> None:
     page = tab.page
     page.goto(drives.address("far.csv"))

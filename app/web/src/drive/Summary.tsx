@@ -1,4 +1,5 @@
 /** What came out of a drive at a glance, its warnings, and its files. */
+import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { distance, duration, moment, number, size } from "../shared/format";
 import { t } from "../shared/texts";
@@ -141,6 +142,8 @@ const FILES = [
 
 export function Downloads({ drive }: { drive: Drive }) {
   const stem = drive.filename.replace(/\.[^.]*$/, "");
+  const withoutEnds = useSignal(false);
+  const ends = withoutEnds.value ? "&ends=hidden" : "";
   return (
     <section class="card" aria-labelledby="downloads">
       <h2 id="downloads">{t("drive.download.title")}</h2>
@@ -160,7 +163,7 @@ export function Downloads({ drive }: { drive: Drive }) {
               {formats.map((format) => (
                 <a
                   key={format}
-                  href={addressOf(drive.id, `/${part}?f=${format}`)}
+                  href={addressOf(drive.id, `/${part}?f=${format}${ends}`)}
                   download={`${stem}-${part}.${format}`}
                   aria-label={t("drive.download.as", {
                     what: t(`drive.download.${part}`),
@@ -173,6 +176,24 @@ export function Downloads({ drive }: { drive: Drive }) {
             </li>
           ))}
       </ul>
+      {drive.report !== null && (
+        <>
+          <label class="check">
+            <input
+              type="checkbox"
+              checked={withoutEnds.value}
+              aria-describedby="without-ends-help"
+              onChange={(event) => {
+                withoutEnds.value = event.currentTarget.checked;
+              }}
+            />
+            <span>{t("drive.download.without_ends")}</span>
+          </label>
+          <p id="without-ends-help" class="quiet-text">
+            {t("drive.download.without_ends_help")}
+          </p>
+        </>
+      )}
     </section>
   );
 }
