@@ -13,6 +13,7 @@ import httpx
 import pytest
 from pmtiles.reader import Reader, all_tiles
 
+from access_support import Keyed, asking_for_keys
 from app.core.blobs import EDITIONS, BlobStore
 from app.core.settings import Settings
 from app.releases.files import publish_files
@@ -21,7 +22,6 @@ from app.releases.privacy import privacy_of
 from app.releases.store import Edition, list_editions
 from edition_support import add_edition, edition_sessions
 from fusion.types import no_progress
-from gate_support import Guarded, make_guarded
 from web_fixtures import Web, add_drive, fill_roads, served
 
 NAMES = ["slopes.pmtiles", "slopes.parquet", "slopes.gpkg", "manifest.json"]
@@ -29,13 +29,12 @@ CALLERS = (None, "anna upload", "anna", "operate")
 
 
 @pytest.fixture
-def released(settings: Settings) -> Iterator[Guarded]:
+def released(settings: Settings) -> Iterator[Keyed]:
     """A service that shows editions to whoever has no key."""
-    changed = {"access": "keys", "public_map": "releases"}
-    with served(settings.model_copy(update=changed)) as web:
-        fill_roads(web.sessions)
-        add_drive(web.sessions, [0, 1, 2], 3.0)
-        yield make_guarded(web)
+    with asking_for_keys(settings, public_map="releases") as keyed:
+        fill_roads(keyed.web.sessions)
+        add_drive(keyed.web.sessions, [0, 1, 2], 3.0)
+        yield keyed
 
 
 def make_edition(web: Web, number: int, folder: Path) -> Edition:
@@ -48,7 +47,7 @@ def make_edition(web: Web, number: int, folder: Path) -> Edition:
     return edition
 
 
-def test_every_caller_reads_editions_and_their_files(released: Guarded, tmp_path: Path) -> None:
+def test_every_caller_reads_editions_and_their_files(released: Keyed, tmp_path: Path) -> None:
     assert released.ask(None, "GET", "/v1/editions").json()["editions"] == []
     assert released.ask(None, "GET", "/v1/editions/latest").status_code == 404
     edition = make_edition(released.web, 2, tmp_path)
@@ -76,7 +75,7 @@ def test_every_caller_reads_editions_and_their_files(released: Guarded, tmp_path
     assert released.ask("wrong", "GET", "/v1/editions").status_code == 401
 
 
-def test_files_come_in_parts_as_clients_of_tiles_ask(released: Guarded, tmp_path: Path) -> None:
+def test_files_come_in_parts_as_clients_of_tiles_ask(released: Keyed, tmp_path: Path) -> None:
     edition = make_edition(released.web, 1, tmp_path)
     address, content = "/v1/editions/latest/slopes.pmtiles", (tmp_path / "slopes.pmtiles").read_bytes()
     etag = f'"{edition.files[0]["sha256"]}"'
@@ -105,7 +104,7 @@ def test_files_come_in_parts_as_clients_of_tiles_ask(released: Guarded, tmp_path
     assert len(list(all_tiles(read))) > 3
 
 
-def test_what_older_editions_had_goes_with_the_next_one(released: Guarded, tmp_path: Path) -> None:
+def test_what_older_editions_had_goes_with_the_next_one(released: Keyed, tmp_path: Path) -> None:
     web = released.web
     first = make_edition(web, 1, tmp_path / "1")
     blobs = BlobStore(web.settings.blob_store_url, EDITIONS)
@@ -118,7 +117,7 @@ def test_what_older_editions_had_goes_with_the_next_one(released: Guarded, tmp_p
     assert not blobs.exists(f"{folder_key(first)}/manifest.json")
 
 
-def test_the_files_before_are_there_until_the_new_ones_are(released: Guarded, tmp_path: Path) -> None:
+def test_the_files_before_are_there_until_the_new_ones_are(released: Keyed, tmp_path: Path) -> None:
     make_edition(released.web, 1, tmp_path)
     add_edition(released.web.sessions, 2)
     assert released.ask(None, "GET", "/v1/editions/latest").json()["number"] == 2
@@ -126,7 +125,7 @@ def test_the_files_before_are_there_until_the_new_ones_are(released: Guarded, tm
     assert (answer.status_code, answer.json()["number"]) == (200, 1)
 
 
-def test_as_many_editions_keep_their_files_as_the_setting_says(released: Guarded, tmp_path: Path) -> None:
+def test_as_many_editions_keep_their_files_as_the_setting_says(released: Keyed, tmp_path: Path) -> None:
     web = released.web
     web.settings = web.settings.model_copy(update={"editions_kept": 2})
     for number in (1, 2, 3):
@@ -136,7 +135,7 @@ def test_as_many_editions_keep_their_files_as_the_setting_says(released: Guarded
     assert len(BlobStore(web.settings.blob_store_url, EDITIONS).keys()) == 2
 
 
-def test_another_database_keeps_what_only_it_may_know(released: Guarded, tmp_path: Path) -> None:
+def test_another_database_keeps_what_only_it_may_know(released: Keyed, tmp_path: Path) -> None:
     web = released.web
     make_edition(web, 1, tmp_path / "1")
     blobs = BlobStore(web.settings.blob_store_url, EDITIONS)
@@ -146,7 +145,7 @@ def test_another_database_keeps_what_only_it_may_know(released: Guarded, tmp_pat
     assert blobs.keys() == [folder_key(second), f"{EDITIONS}/7-of-another"]
 
 
-def test_files_that_are_gone_are_told_as_gone(released: Guarded, tmp_path: Path) -> None:
+def test_files_that_are_gone_are_told_as_gone(released: Keyed, tmp_path: Path) -> None:
     """As after a backup, which has no files of editions, came back."""
     edition = make_edition(released.web, 1, tmp_path)
     BlobStore(released.web.settings.blob_store_url, EDITIONS).delete_folder(folder_key(edition))
@@ -155,7 +154,7 @@ def test_files_that_are_gone_are_told_as_gone(released: Guarded, tmp_path: Path)
     assert "next edition" in answer.json()["detail"]
 
 
-def test_what_cannot_be_kept_leaves_nothing(released: Guarded, tmp_path: Path) -> None:
+def test_what_cannot_be_kept_leaves_nothing(released: Keyed, tmp_path: Path) -> None:
     edition = make_edition(released.web, 1, tmp_path)
     blobs = BlobStore(released.web.settings.blob_store_url, EDITIONS)
     blobs.delete_folder(folder_key(edition))
@@ -165,7 +164,7 @@ def test_what_cannot_be_kept_leaves_nothing(released: Guarded, tmp_path: Path) -
     assert blobs.keys() == []
 
 
-def test_documents_say_which_edition_they_are_of(released: Guarded, tmp_path: Path) -> None:
+def test_documents_say_which_edition_they_are_of(released: Keyed, tmp_path: Path) -> None:
     make_edition(released.web, 1, tmp_path)
     told = {"number": 1, "day": "2026-11-13", "owners": 3, "owners_needed": 5}
     items = released.ask(None, "GET", "/collections/segments/items?limit=1").json()
