@@ -77,6 +77,25 @@ ServiceDep = Annotated[Service, Depends(get_service)]
 BaseUrl = Annotated[str, Depends(get_base_url)]
 
 
+class EditionSeen(BaseModel):
+    """What documents say of the edition that they are of."""
+
+    number: int = Field(description="Each edition has the next.")
+    day: str = Field(description="Its day, UTC: the only time that an edition tells.")
+    owners: int = Field(description="k: each owner who drove what is shown is hidden among so many.")
+    owners_needed: int = Field(
+        description="So many distinct owners drove each segment that is shown: k, and those who might work together."
+    )
+
+
+class OfTheMap(BaseModel):
+    """A document of the map. Routes leave out what is not set (``response_model_exclude_unset``)."""
+
+    edition: EditionSeen | None = Field(
+        None, description="Where the caller sees editions of the map: which one this is of. Else missing."
+    )
+
+
 class Link(BaseModel):
     """A typed link (RFC 8288)."""
 
