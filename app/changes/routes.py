@@ -22,7 +22,17 @@ from app.changes.store import Page, Since, page_since
 from app.core.caller import present_caller
 from app.core.db import Bounds
 from app.core.errors import BadQueryError, BadRequestError
-from app.core.http import REVALIDATE, BaseUrl, Link, ServiceDep, link, not_modified, problems, with_query
+from app.core.http import (
+    REVALIDATE,
+    BaseUrl,
+    Link,
+    OfTheMap,
+    ServiceDep,
+    link,
+    not_modified,
+    problems,
+    with_query,
+)
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.receiving.clients import Shares
 from app.core.receiving.sse import EventStream, Follower, Followers, event, events_of, stream_answer
@@ -57,7 +67,7 @@ class ChangedSegment(BaseModel):
     gone: bool = Field(description="There is no such segment any more.")
 
 
-class ChangeList(BaseModel, json_schema_extra={"examples": [_EXAMPLE]}):
+class ChangeList(OfTheMap, json_schema_extra={"examples": [_EXAMPLE]}):
     """One page of the changes since a version."""
 
     since: str | None = Field(description="The version that was asked for.")
@@ -109,11 +119,13 @@ def changes(
         box = parse_bbox(bbox)
     with service.reading() as session:
         # The page's own snapshot is a later one: it sees all below the horizon.
-        now = store.state(session)
+        now, note = store.state(session), service.edition_note(session)
         with _refusing():
             place = None if since is None else store.parse_since(now, since)
-        etag = f'W/"{store.text_of(Since(now.epoch, now.horizon))}"'
-        headers = {"ETag": etag, "Cache-Control": REVALIDATE}
+        tag = store.text_of(Since(now.epoch, now.horizon))
+        if note:  # an edition in which nothing changed has another number all the same
+            tag += f".{note['edition']['number']}"
+        headers = {"ETag": f'W/"{tag}"', "Cache-Control": REVALIDATE}
         if unchanged := not_modified(request, headers):
             return unchanged
         page = Page([], Since(now.epoch, now.horizon), more=False)
@@ -128,8 +140,9 @@ def changes(
     title = "All segments: read them, then go on" if since is None else "Those that are there"
     links.append(link(with_query(items, updated_since=since, bbox=bbox), "items", GEO_JSON, title))
     changed = [ChangedSegment(**one._asdict()) for one in page.changes]
-    document = ChangeList(since=since, version=version, changes=changed, links=links)
-    return Response(document.model_dump_json(), media_type="application/json", headers=headers)
+    document = ChangeList(**note, since=since, version=version, changes=changed, links=links)
+    content = document.model_dump_json(exclude_unset=True)
+    return Response(content, media_type="application/json", headers=headers)
 
 
 @contextmanager

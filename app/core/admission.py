@@ -40,7 +40,7 @@ PARTS = "parts"
 _KINDS = {
     "wide tiles": r"/tiles/(\d|1[01])/.*",
     "tiles": r"/tiles/\d+/.*",
-    PARTS: r"/v1/drives/[^/]+/(track|segments)|/v1/segments/[^/]+/observations|/height|/v1/elevation",
+    PARTS: r"/v1/drives/[^/]+/(track|segments)|/v1/segments/[^/]+/observations|/height|/v1/elevation|/v1/regions",
     "figures": r"/v1/admin/.*|/metrics",
 }
 """A reading request is of the first class whose pattern fits its whole path."""

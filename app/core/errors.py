@@ -16,7 +16,7 @@ ServiceError            a request cannot be answered as asked
 ├── ForbiddenError           the key is not for that
 ├── ConflictError            there is one of that name already
 ├── TooOftenError            somebody tries again and again
-├── QuotaError               an owner has uploaded as much as it may in a day
+├── QuotaError               an owner has as much as it may have in a day, or at once
 ├── CrossOriginWriteError    a page of another site asks for a change
 ├── StorageFullError         there is no room for what was sent
 ├── UnknownHostError         the request came under a name that is not the service's
@@ -170,8 +170,8 @@ class TooOftenError(ServiceError):
 
 
 class QuotaError(ServiceError):
-    """As much was uploaded today as may be in a day; wait as long as Retry-After says, or ask whoever runs the service
-    for more."""
+    """As much was uploaded today as may be in a day, or as much is asked for as may be at once; wait as long as
+    Retry-After says, or ask whoever runs the service for more."""
 
     answer = (429, "quota", "Quota used up")
 

@@ -77,6 +77,25 @@ ServiceDep = Annotated[Service, Depends(get_service)]
 BaseUrl = Annotated[str, Depends(get_base_url)]
 
 
+class EditionSeen(BaseModel):
+    """What documents say of the edition that they are of."""
+
+    number: int = Field(description="Each edition has the next.")
+    day: str = Field(description="Its day, UTC: the only time that an edition tells.")
+    owners: int = Field(description="k: each owner who drove what is shown is hidden among so many.")
+    owners_needed: int = Field(
+        description="So many distinct owners drove each segment that is shown: k, and those who might work together."
+    )
+
+
+class OfTheMap(BaseModel):
+    """A document of the map. Routes leave out what is not set (``response_model_exclude_unset``)."""
+
+    edition: EditionSeen | None = Field(
+        None, description="Where the caller sees editions of the map: which one this is of. Else missing."
+    )
+
+
 class Link(BaseModel):
     """A typed link (RFC 8288)."""
 
@@ -244,18 +263,15 @@ QUOTA_HEADERS: dict[str, Any] = {
     for name, example in _ON_QUOTAS.items()
 }
 """The description of what an upload is told of quotas."""
-QUOTA_USED_UP: dict[int | str, dict[str, Any]] = {
-    429: {
-        **_described(
-            errors.KINDS[errors.QuotaError],
-            "You may upload 100 drives a day: 100 were uploaded today, this is 1 more. The count begins anew at "
-            "2026-11-28 00:00 UTC. Send it again then.",
-        ),
-        "headers": QUOTA_HEADERS
-        | {"Retry-After": {"description": "Seconds until then.", "schema": {"type": "integer"}}},
-    }
-}
-"""The description of the 429 of an upload."""
+
+
+def quota_used_up(detail: str, headers: Mapping[str, Any]) -> dict[int | str, dict[str, Any]]:
+    """The description of the 429 of a route with a quota, with these headers beside Retry-After."""
+    wait = {"description": "Seconds until it may be tried again.", "schema": {"type": "integer"}}
+    described = _described(errors.KINDS[errors.QuotaError], detail)
+    return {429: {**described, "headers": {**headers, "Retry-After": wait}}}
+
+
 UNREADABLE_BODY: dict[int | str, dict[str, Any]] = {
     400: _described(errors.STATUS_KINDS[400], "The body cannot be read. Send JSON in UTF-8.")
 }

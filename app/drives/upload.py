@@ -16,7 +16,7 @@ from starlette.concurrency import run_in_threadpool
 from app.access.quotas import Quotas
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.errors import QuotaError
-from app.core.http import QUOTA_HEADERS, QUOTA_USED_UP, BaseUrl, ServiceDep, problems
+from app.core.http import QUOTA_HEADERS, BaseUrl, ServiceDep, problems, quota_used_up
 from app.core.receiving.files import least_bytes, receive_files
 from app.core.settings import Settings
 from app.drives import intake
@@ -92,7 +92,11 @@ class UploadRequest(MethodRequest):
         },
         202: {"description": "Stored and queued.", "headers": _LOCATION | QUOTA_HEADERS},
         **problems(403, 413, 415, 422, 503, 507),
-        **QUOTA_USED_UP,
+        **quota_used_up(
+            "You may upload 100 drives a day: 100 were uploaded today, this is 1 more. The count begins anew at "
+            "2026-11-28 00:00 UTC. Send it again then.",
+            QUOTA_HEADERS,
+        ),
     },
     openapi_extra={"requestBody": _BODY},
 )

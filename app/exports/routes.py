@@ -12,7 +12,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from app.core.blobs import EXPORTS, BlobStore
 from app.core.errors import BadQueryError, BadRequestError, NotDoneError, NotFoundError
-from app.core.http import UNREADABLE_BODY, BaseUrl, Service, ServiceDep, existing, problems
+from app.core.http import UNREADABLE_BODY, BaseUrl, Service, ServiceDep, existing, problems, quota_used_up
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
@@ -54,6 +54,11 @@ _BYTES: dict[str, Any] = {
         200: {"model": documents.Export, "description": "It is there already.", "headers": _LOCATION},
         202: {"description": "Queued, or being made.", "headers": _LOCATION},
         **UNREADABLE_BODY,
+        **quota_used_up(
+            "You may have 10 exports that wait or are being made: there are 10. Ask again when one of them is done, or "
+            "remove one.",
+            {},
+        ),
         **problems(403, 413, 422, 503),
     },
 )
@@ -218,6 +223,7 @@ def _find_or_add(service: Service, file_request: FileRequest) -> tuple[documents
             data_version=data_state(session).version,
             file_name=file_request.file_name,
             media_type=file_request.format.media_type,
+            quota=service.settings.quota_exports,
         )
 
 

@@ -18,6 +18,7 @@ from app.core.databases import database_identity
 from app.core.db import plain_json, snapshot
 from app.core.errors import ServiceError
 from app.core.filesystems import file_system, free_bytes, full_is_told, storage_full
+from app.core.settings import Settings
 from app.core.telemetry.logs import tell
 from app.exports import store
 from app.exports.documents import Export
@@ -40,7 +41,7 @@ logger = logging.getLogger(__name__)
 
 
 class TooLargeError(FusionError):
-    """The file takes more room than all exports together may."""
+    """The file takes more room than all exports together may, or all of its owner."""
 
     kind = "too-large"
 
@@ -57,16 +58,12 @@ def _make_export(run: RequestRun[Export]) -> str:
     show_share = partial(run.show, None)
     with run.computing():
         with snapshot(run.sessions) as session:
-            if run.settings.owners_see_editions and store.owner_of(session, export.id) != OPERATOR_OWNER:
+            is_operators = store.owner_of(session, export.id) == OPERATOR_OWNER
+            if run.settings.owners_see_editions and not is_operators:
                 read_edition(session)
             run.note(data_version=data_state(session).version)
             output = _in_room(run, lambda: make_file(session, run.settings, request, path, show_share))
-        size_bytes, most_bytes = path.stat().st_size, run.settings.exports_max_bytes
-        if size_bytes > most_bytes:
-            raise TooLargeError(
-                f"The file has {size_bytes} bytes, and all exports together may have {most_bytes} "
-                "(VERSANT_EXPORTS_MAX_BYTES). Ask for a smaller part of the map (bbox, region, driven)."
-            )
+        _require_fit(path.stat().st_size, run.settings, is_operators=is_operators)
         blob = _store_file(run, path, show_share)
     if not _finish(run, path, output, blob):
         run.context.part(EXPORTS).delete(blob.key)
@@ -75,6 +72,19 @@ def _make_export(run: RequestRun[Export]) -> str:
     took_s = round(time.monotonic() - began_s, 3)
     tell(logger, "export done", format=request.format.name, bytes=blob.size_bytes, seconds=took_s)
     return "done"
+
+
+def _require_fit(size_bytes: int, settings: Settings, *, is_operators: bool) -> None:
+    """``TooLargeError`` where the file would go as soon as it was there."""
+    bounds = [("all exports", settings.exports_max_bytes, "VERSANT_EXPORTS_MAX_BYTES")]
+    if not is_operators:
+        bounds.append(("all of an owner", settings.exports_owner_bytes, "VERSANT_EXPORTS_OWNER_BYTES"))
+    for whose, most_bytes, setting in bounds:
+        if size_bytes > most_bytes:
+            raise TooLargeError(
+                f"The file has {size_bytes} bytes, and {whose} together may have {most_bytes} ({setting}). Ask for a "
+                "smaller part of the map (bbox, region, driven)."
+            )
 
 
 def _in_room(run: RequestRun[Export], work: Callable[[], Made]) -> Made:

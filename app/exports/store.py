@@ -10,7 +10,9 @@ from typing import Any
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.caller import OPERATOR_OWNER, present_caller
 from app.core.db import Bounds, plain_json
+from app.core.errors import QuotaError
 from app.core.settings import Settings
 from app.core.tables import requests as tables
 from app.exports.documents import Export
@@ -20,6 +22,8 @@ from app.jobs.task import Kind
 MAKE_EXPORT = Kind("make_export", -50)
 """Behind uploads and what is published of them, before drives that are computed again by the thousand."""
 MOST_WAITING = 100
+AGAIN_S = 30
+"""Whoever has as many under way as may be is told to come again after so long."""
 
 exports = RequestStore(
     "export", tables.Export, Export.of, MAKE_EXPORT, "exports", on_claim={"data_version": None}
@@ -57,15 +61,20 @@ _BEGIN_OVER = text(f"""
     RETURNING e.id
 """)  # noqa: S608 - constants
 
-# What is to go: what has expired, and of what is kept the oldest, as far as it is too much together.
+# What is to go: what has expired, and of what is kept the oldest, as far as it is too much of one owner, or what is
+# left is too much together.
 _REMOVE = text("""
     DELETE FROM exports WHERE id IN (
         SELECT id FROM exports WHERE expires_at < now()
         UNION ALL
         SELECT id FROM (
-            SELECT id, sum(size_bytes) OVER (ORDER BY finished_at DESC, id) AS together FROM exports
-            WHERE status = 'done') AS kept
-        WHERE together > :max_bytes)
+            SELECT id, is_over,
+                   sum(size_bytes) FILTER (WHERE NOT is_over) OVER (ORDER BY finished_at DESC, id) AS together
+            FROM (SELECT id, size_bytes, finished_at, owner_id <> :operator AND
+                         sum(size_bytes) OVER (PARTITION BY owner_id ORDER BY finished_at DESC, id) > :owner_bytes
+                         AS is_over
+                  FROM exports WHERE status = 'done') AS of_owners) AS kept
+        WHERE is_over OR together > :max_bytes)
     RETURNING blob_key
 """)
 
@@ -76,20 +85,39 @@ def owner_of(session: Session, export_id: uuid.UUID) -> int:
 
 
 def ask(
-    session: Session, *, request: Mapping[str, Any], request_sha256: str, data_version: str, **columns: Any
+    session: Session,
+    *,
+    request: Mapping[str, Any],
+    request_sha256: str,
+    data_version: str,
+    quota: int,
+    **columns: Any,
 ) -> tuple[Export, bool]:
     """The caller's owner's export of this request at this version of the data, or a new one with its job; the flag says
     whether new.
 
-    ``columns`` are its name and media type. ``BusyError`` where too many wait, of all owners.
+    ``columns`` are its name and media type. ``QuotaError`` where ``quota`` of the owner's wait or run, unless the
+    caller is an operator, ``BusyError`` where too many wait, of all owners.
     """
     exports.one_by_one(session)
     same = session.execute(_SAME, {"request_sha256": request_sha256, "data_version": data_version}).scalar()
     if same is not None and (export := exports.get(session, same)) is not None:
         return export, False
+    if not present_caller().may("operate"):
+        _require_quota(exports.under_way(session), quota)
     exports.require_place(session, MOST_WAITING)
     document = plain_json(request)
     return exports.add(session, request=document, request_sha256=request_sha256, **columns), True
+
+
+def _require_quota(under_way: int, most: int) -> None:
+    if under_way >= most:
+        raise QuotaError(
+            f"You may have {most} exports that wait or are being made: there are {under_way}. Ask again when one of "
+            "them is done, or remove one.",
+            quota="exports",
+            headers={"Retry-After": str(AGAIN_S)},
+        )
 
 
 def expiry(settings: Settings) -> dict[str, Any]:
@@ -121,4 +149,5 @@ def end_over(session: Session, boxes: Sequence[Bounds]) -> list[str]:
 
 def expire(session: Session, settings: Settings) -> list[str | None]:
     """Remove what has expired or is too much, the oldest first; the blob of each, which nobody refers to any more."""
-    return list(session.execute(_REMOVE, {"max_bytes": settings.exports_max_bytes}).scalars())
+    values = {"max_bytes": settings.exports_max_bytes, "owner_bytes": settings.exports_owner_bytes}
+    return list(session.execute(_REMOVE, {**values, "operator": OPERATOR_OWNER}).scalars())

@@ -18,6 +18,7 @@ from app.core.http import (
     EXAMPLE_ID,
     BaseUrl,
     Link,
+    OfTheMap,
     ServiceDep,
     existing,
     geojson_answer,
@@ -237,7 +238,7 @@ APART_M = 0.01
 """Places nearer to each other than this are one."""
 
 
-class SegmentProfile(BaseModel, json_schema_extra={"examples": [PROFILE_EXAMPLE]}):
+class SegmentProfile(OfTheMap, json_schema_extra={"examples": [PROFILE_EXAMPLE]}):
     """Heights along a segment; all columns have one value for each place, null where it is unknown."""
 
     segment_id: int
@@ -262,7 +263,12 @@ class SegmentProfile(BaseModel, json_schema_extra={"examples": [PROFILE_EXAMPLE]
     links: list[Link]
 
 
-@router.get("/{segment_id}/profile", summary="The heights along a segment", responses=problems(404, 422, 503))
+@router.get(
+    "/{segment_id}/profile",
+    summary="The heights along a segment",
+    response_model_exclude_unset=True,
+    responses=problems(404, 422, 503),
+)
 def segment_profile(
     segment_id: SegmentId, service: ServiceDep, base: BaseUrl, gaps: GapsQuery = None
 ) -> SegmentProfile:
@@ -278,6 +284,7 @@ def segment_profile(
             ends = [(road.lon0_deg, road.lat0_deg), (road.lon1_deg, road.lat1_deg)]
             active = current_dem(session, service.settings.dem_dir)
             rasters = names_over(active, [(*end, *end) for end in ends])
+        note = service.edition_note(session)
     along_m = _places(road)
     source: Literal["drives", "neighbours"] | None = None
     if road.measured and (drives or gaps):
@@ -290,6 +297,7 @@ def segment_profile(
         sigma_m = [None if road.height_sigma_m is None else one.sigma_m for one in heights]
     up = f"{base}/v1/segments/{segment_id}"
     return SegmentProfile(
+        **note,
         segment_id=segment_id,
         length_m=road.length_m,
         along_m=along_m.tolist(),

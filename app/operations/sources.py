@@ -9,8 +9,9 @@ from fastapi import APIRouter
 from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
+from app.core.caller import present_caller
 from app.core.db import Bounds
-from app.core.http import BaseUrl, Link, ServiceDep, link, problems
+from app.core.http import BaseUrl, Link, OfTheMap, ServiceDep, link, problems
 from app.core.text import Moment
 from app.map import figures
 from app.roads.store import all_regions, driven_by_region
@@ -54,7 +55,7 @@ class RegionSeen(BaseModel, json_schema_extra={"examples": [_REGION]}):
     )
 
 
-class RegionList(BaseModel, json_schema_extra={"examples": [_REGIONS]}):
+class RegionList(OfTheMap, json_schema_extra={"examples": [_REGIONS]}):
     """All regions, by name."""
 
     regions: list[RegionSeen]
@@ -89,18 +90,25 @@ class RasterList(BaseModel, json_schema_extra={"examples": [_RASTERS]}):
     links: list[Link]
 
 
-@router.get("/regions", summary="Regions of the road network", responses=problems(503))
+@router.get(
+    "/regions",
+    summary="Regions of the road network",
+    response_model_exclude_unset=True,
+    responses=problems(503),
+)
 def list_regions(service: ServiceDep, base: BaseUrl) -> RegionList:
     """The regions by name: what each was imported from, how many segments it has, and where it lies."""
     with service.reading() as session:
         regions = all_regions(session)
         measured, at = _measured(session, sum(one.segments for one in regions))
+        note = service.edition_note(session)
     seen = [
         RegionSeen.model_validate({**vars(one), "measured": measured.get(one.name, 0), "bbox": one.bounds})
         for one in regions
     ]
     here = f"{base}/v1/regions"
     return RegionList(
+        **note,
         regions=seen,
         measured_at=at,
         links=[link(here, "self"), link(f"{base}/v1/admin/coverage", "related", title="By road class")],
@@ -132,8 +140,9 @@ def list_rasters(service: ServiceDep, base: BaseUrl) -> RasterList:
 
 
 def _measured(session: Session, segments: int) -> tuple[dict[str, int], datetime | None]:
-    """Driven segments by region, and of which moment; None: of this."""
-    coverage = figures.kept(session, "coverage") if segments > FEW_SEGMENTS else None
+    """Driven segments by region, and of which moment; None: of this. What a worker counts is of the live map."""
+    is_kept = segments > FEW_SEGMENTS and present_caller().sees == "live"
+    coverage = figures.kept(session, "coverage") if is_kept else None
     if coverage is None:
         return driven_by_region(session), None
     driven_segments: dict[str, int] = {}

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from app.core.http import Link, link
+from app.core.http import EditionSeen, Link, link
 from app.map.segment import OSM_COPYRIGHT_URL, OSM_LICENSE, OSM_LICENSE_URL
 from app.releases.store import Edition, identity
 
@@ -42,15 +42,9 @@ class Licence(BaseModel):
     attribution_url: str = Field(OSM_COPYRIGHT_URL, description="How to name the contributors.")
 
 
-class Figures(BaseModel, json_schema_extra={"examples": [EXAMPLE_FIGURES]}):
+class Figures(EditionSeen, json_schema_extra={"examples": [EXAMPLE_FIGURES]}):
     """What is told of an edition, in answers and in the manifest of its files."""
 
-    number: int = Field(description="Each edition has the next.")
-    day: str = Field(description="Its day, UTC: the only time that an edition tells.")
-    owners: int = Field(description="k: each owner who drove what is shown is hidden among so many.")
-    owners_needed: int = Field(
-        description="So many distinct owners drove each segment that is shown: k, and those who might work together."
-    )
     segments: int = Field(description="Segments with a slope.")
     length_m: int = Field(description="Their length.")
     withheld_share: float | None = Field(

@@ -54,17 +54,11 @@ _END = text("""
 """)
 # The planner must not go by the figures of an empty table until autovacuum comes round.
 _ANALYZE = text("ANALYZE segments")
-_ROAD_VERSION = text("SELECT coalesce(max(id), 0) FROM road_versions")
 _ROAD_TAG = text("SELECT max(id), max(imported_at) FROM road_versions")
 _CURRENT = text("""
     SELECT id, source_name, sha256, imported_at, segments, kept, moved, dropped, added
     FROM road_versions ORDER BY id DESC LIMIT 1
 """)
-
-
-def road_version_id(session: Session) -> int:
-    """Id of the newest road import, 0 before the first."""
-    return int(session.execute(_ROAD_VERSION).scalar_one())
 
 
 def current_road_version(session: Session) -> Row[Any] | None:

@@ -18,7 +18,7 @@ NAME = "max.mustermann.csv"
 
 @dataclass(frozen=True)
 class Anna:
-    """The owner A of a service, and its things."""
+    """The owner of that name of a service, and its things."""
 
     keyed: Keyed
     done: str

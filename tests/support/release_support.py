@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from sqlalchemy import text
 
+from access_support import give_drive
 from app.access import store as access
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
@@ -21,7 +22,6 @@ from app.releases.run import release
 from app.releases.store import Edition
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
-from gate_support import give_drive
 from network_support import Rows, drive_over, rows_of
 from road_support import replace_roads
 

@@ -76,6 +76,9 @@ class Access(Places):
     quota_records: int | None = Field(None, ge=0, le=QUOTA_MOST)
     """Records of logs in a day, as QUOTA_DRIVES says it of drives: the epochs of the sensor of which a log has most.
     They are known when a worker has read the log, so a drive that is sent before they are used up is taken whole."""
+    quota_exports: int = Field(10, ge=1, le=QUOTA_MOST)
+    """Exports of an owner that may wait or be made at once; one more is answered by 429. Operators may ask for any
+    number."""
     oidc_issuer: HttpUrlText | None = None
     """Address of a provider of logins (OpenID Connect), such as https://login.example/realms/roads; unset: none. It
     needs OIDC_CLIENT_ID and OIDC_CLIENT_SECRET, and PUBLIC_URL/v1/session/oidc/done as an allowed redirect."""

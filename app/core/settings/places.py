@@ -91,6 +91,9 @@ class Places(BaseSettings):
     """Days for which an export that is done is kept; asking again makes it anew."""
     exports_max_bytes: int = Field(20 * GIB, ge=0)
     """Room that all exports together may take where logs are kept, bytes; the oldest go first."""
+    exports_owner_bytes: int = Field(5 * GIB, ge=0)
+    """Room that the exports of one owner may take of that, bytes; its oldest go first. Those of operators may take
+    all."""
 
     road_tolerance_m: float = Field(2.0, ge=0, le=20)
     """A road segment whose ends an import moves by no more, metres, keeps what was measured on it."""

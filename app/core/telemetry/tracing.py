@@ -8,7 +8,6 @@ as the log does, and never a place. What cannot be sent is dropped: nobody waits
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
@@ -17,8 +16,6 @@ from app.core.settings import Settings, SettingsError
 from app.core.telemetry.logs import present_ids
 
 TRACES_PATH = "/v1/traces"
-
-logger = logging.getLogger(__name__)
 
 
 class Span:

@@ -123,6 +123,11 @@ class RequestStore(Generic[R]):
                 f"{mine} {self.plural} of yours wait already. Try again when some of them are done."
             )
 
+    def under_way(self, session: Session) -> int:
+        """How many wait or run, of those that the caller sees."""
+        rows = select(func.count()).select_from(self._table).where(self._table.c.status.in_(UNDER_WAY))
+        return int(session.execute(rows).scalar_one())
+
     def get(self, session: Session, number: uuid.UUID, **equal: Any) -> R | None:
         """The request, all of which columns are equal to these; None where there is none."""
         return self.first(session, self._where(id=number, **equal))

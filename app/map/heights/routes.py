@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field, ValidationError
 
 from app.core.errors import BadRequestError
-from app.core.http import Service, ServiceDep, problems
+from app.core.http import OfTheMap, Service, ServiceDep, problems
 from app.map.heights import places as reading
 from app.map.heights.road_heights import OnRoad, RoadHeight, along_line, heights_of, nearest
 from app.map.heights.store import roads_near
@@ -80,7 +80,7 @@ class HeightRequest(BaseModel, extra="ignore", json_schema_extra={"examples": [_
     id: str | None = Field(None, description="Comes back with the answer.")
 
 
-class Heights(BaseModel, json_schema_extra={"examples": [HEIGHTS_EXAMPLE]}):
+class Heights(OfTheMap, json_schema_extra={"examples": [HEIGHTS_EXAMPLE]}):
     """Heights in the order of the places; null where no road with a known height is near."""
 
     id: str | None = None
@@ -116,7 +116,7 @@ class Elevation(BaseModel):
     source: str | None = Field(description="What the height rests on.")
 
 
-class Elevations(BaseModel, json_schema_extra={"examples": [ELEVATIONS_EXAMPLE]}):
+class Elevations(OfTheMap, json_schema_extra={"examples": [ELEVATIONS_EXAMPLE]}):
     """The Google Elevation API's answer, with what else is known of each height."""
 
     results: list[Elevation]
@@ -168,7 +168,12 @@ def post_height(service: ServiceDep, asked: HeightRequest) -> dict[str, Any]:
     return _answer(service, asked)
 
 
-@router.get("/v1/elevation", summary="Heights of places", responses=problems(422, 503))
+@router.get(
+    "/v1/elevation",
+    summary="Heights of places",
+    response_model_exclude_unset=True,
+    responses=problems(422, 503),
+)
 def elevation(
     service: ServiceDep,
     locations: Annotated[
@@ -204,7 +209,7 @@ def elevation(
         places = reading.spread(line, samples)
     else:
         places = reading.from_text(locations or "", "locations", MOST_LOCATIONS)
-    on, heights, source = _heights(service, places, radius_m, line=path is not None)
+    on, heights, said = _heights(service, places, radius_m, line=path is not None)
     results = [
         Elevation(
             elevation=None if height is None else round(height.height_m, 2),
@@ -215,7 +220,7 @@ def elevation(
         )
         for (lon, lat), where, height in zip(places.tolist(), on, heights, strict=True)
     ]
-    return Elevations(results=results, datum=HEIGHT_DATUM, attribution=source)
+    return Elevations(results=results, status="OK", **said)
 
 
 def _answer(service: Service, request: HeightRequest) -> dict[str, Any]:
@@ -226,7 +231,7 @@ def _answer(service: Service, request: HeightRequest) -> dict[str, Any]:
         reading.check_number(count, "resample_distance", reading.MOST_PLACES)
         places = reading.spread(places, count)
         along_m = reading.distances_along_m(places)
-    _, heights, source = _heights(service, places, request.radius_m, line=True)
+    _, heights, said = _heights(service, places, request.radius_m, line=True)
     digits = request.height_precision
     height_m = [None if one is None else round(one.height_m, digits) for one in heights]
     answer: dict[str, Any] = {} if request.id is None else {"id": request.id}
@@ -244,8 +249,7 @@ def _answer(service: Service, request: HeightRequest) -> dict[str, Any]:
         "sigma": [None if one is None else round(one.sigma_m, 2) for one in heights],
         "source": [None if one is None else one.source for one in heights],
         "units": "meters",
-        "datum": HEIGHT_DATUM,
-        "attribution": source,
+        **said,
     }
 
 
@@ -263,7 +267,8 @@ def _places(request: HeightRequest) -> Floats:
 
 def _heights(
     service: Service, places: Floats, radius_m: float, *, line: bool
-) -> tuple[list[OnRoad | None], list[RoadHeight | None], str]:
+) -> tuple[list[OnRoad | None], list[RoadHeight | None], dict[str, Any]]:
+    """The roads, the heights there, and what is said of all of them."""
     with service.reading() as session:
         near = roads_near(session, places, radius_m)
         if line and len(places) > 1:
@@ -274,4 +279,5 @@ def _heights(
         west, south = places.min(axis=0).tolist()
         east, north = places.max(axis=0).tolist()
         rasters = names_over(current_dem(session, service.settings.dem_dir), [(west, south, east, north)])
-    return on, heights, attribution(rasters)
+        note = service.edition_note(session)
+    return on, heights, {"datum": HEIGHT_DATUM, "attribution": attribution(rasters), **note}

@@ -98,6 +98,7 @@ def collections(request: Request, service: ServiceDep, base: BaseUrl, form: page
         for one in COLLECTIONS.values():
             own = [link(f"{here}/{one.id}", "self", title=one.title), *collection_links(base, one)]
             document["collections"].append(collection_document(service, session, one, own))
+        document |= service.edition_note(session)
     above = pages.crumbs(base)
     return pages.document_answer(
         request, form, document, links, "collections.html", "Collections", above, address=here

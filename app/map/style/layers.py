@@ -44,7 +44,7 @@ CASE_PX = (0.0, 0.0, 0.8, 1.6, 2.4)
 FIRST_ZOOMS = {"major": 0, "middle": 0, "minor": 11, "lesser": 12}
 """From which zoom on roads of unknown slope are drawn; a driven road is drawn wherever tiles have it."""
 
-ARROWS_FROM, FIGURES_FROM, SIGMAS_FROM = 14, 15.5, 17.5
+FIGURES_FROM, SIGMAS_FROM = 15.5, 17.5
 ARROW_STEEPNESS = (14, 4.0, 15, 2.0, 16, slope_map.ARROW_PERCENT)
 """Zoom and steepness from which on an arrow stands there, by turns."""
 

@@ -1,5 +1,5 @@
 """Fixtures of a service that asks for keys."""
 
-from gate_support import guarded, shared
+from access_support import guarded, shared
 
 __all__ = ["guarded", "shared"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import threading
 import time
+from dataclasses import replace
 from typing import Any
 
 import httpx
@@ -13,9 +14,9 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
+from access_support import Keyed, asking_for_keys
 from app.access import callers, store
 from app.core.settings import Settings
-from gate_support import Guarded, make_guarded
 from problem_support import check
 from processing_support import HEADER
 from server_support import wait_until
@@ -25,7 +26,7 @@ BASIC = ("", "anybody", "vsk")
 
 
 @pytest.mark.parametrize("user", BASIC)
-def test_a_key_may_be_a_password(guarded: Guarded, user: str) -> None:
+def test_a_key_may_be_a_password(guarded: Keyed, user: str) -> None:
     auth = (user, guarded.secrets["anna"])
     assert guarded.web.client.get("/v1/drives", auth=auth).status_code == 200
     check(guarded.web.client.get("/v1/drives", auth=(user, "wrong")), 401)
@@ -43,16 +44,15 @@ def test_a_key_may_be_a_password(guarded: Guarded, user: str) -> None:
         "x" * 9000,
     ],
 )
-def test_a_header_that_is_no_key_is_refused(guarded: Guarded, header: str) -> None:
+def test_a_header_that_is_no_key_is_refused(guarded: Keyed, header: str) -> None:
     problem = check(guarded.web.client.get("/v1/drives", headers={"Authorization": header}), 401)
     assert problem["type"] == "/problems/unauthorized"
 
 
 def test_a_wrong_key_is_refused_where_none_is_needed(settings: Settings) -> None:
     """Who sends a key wants to be known by it: the public map in its place would hide that it is wrong."""
-    with served(settings.model_copy(update={"access": "keys"})) as web:
-        guarded = make_guarded(web)
-        assert web.client.get("/collections").status_code == 200
+    with asking_for_keys(settings) as guarded:
+        assert guarded.web.client.get("/collections").status_code == 200
         check(guarded.ask("wrong", "GET", "/collections"), 401)
         assert guarded.ask("anna upload", "GET", "/collections").status_code == 200
 
@@ -62,11 +62,11 @@ def test_a_wrong_key_is_refused_where_none_is_needed(settings: Settings) -> None
     "path", ["/tiles/12/2143/1401.mvt", "/tiles/12/2143/1401.geojson", "/collections/segments/items"]
 )
 def test_the_map_is_public_or_is_not(settings: Settings, public_map: str, path: str) -> None:
-    with served(settings.model_copy(update={"access": "keys", "public_map": public_map})) as web:
-        guarded = make_guarded(web)
+    with asking_for_keys(settings, public_map=public_map) as guarded:
+        client = guarded.web.client
         there = guarded.ask("ben", "GET", path).status_code
         assert there in {200, 204}
-        for answer in (web.client.get(path), web.client.head(path)):
+        for answer in (client.get(path), client.head(path)):
             assert answer.status_code == (there if public_map == "live" else 401)
 
 
@@ -79,18 +79,18 @@ def test_the_map_is_public_or_is_not(settings: Settings, public_map: str, path: 
         ("/v1/methods", "max-age=300"),
     ],
 )
-def test_no_cache_keeps_for_others_what_needed_a_key(guarded: Guarded, path: str, caching: str) -> None:
+def test_no_cache_keeps_for_others_what_needed_a_key(guarded: Keyed, path: str, caching: str) -> None:
     assert guarded.ask("anna", "GET", path).headers["cache-control"] == caching
 
 
-def test_programs_are_asked_for_a_password_and_browsers_are_not(guarded: Guarded) -> None:
+def test_programs_are_asked_for_a_password_and_browsers_are_not(guarded: Keyed) -> None:
     program = guarded.web.client.get("/v1/drives")
     assert program.headers["www-authenticate"] == 'Bearer realm="Versant", Basic realm="Versant"'
     browser = guarded.web.client.get("/v1/drives", headers={"Sec-Fetch-Mode": "cors"})
     assert browser.headers["www-authenticate"] == 'Bearer realm="Versant"'
 
 
-def test_an_upload_is_refused_before_it_is_read(guarded: Guarded) -> None:
+def test_an_upload_is_refused_before_it_is_read(guarded: Keyed) -> None:
     sent = 0
 
     def body() -> Any:
@@ -118,10 +118,8 @@ def test_everything_is_open_where_keys_are_not_asked_for(settings: Settings) -> 
 
 
 def test_a_revoked_key_is_void_in_every_process(settings: Settings) -> None:
-    guarded_settings = settings.model_copy(update={"access": "keys"})
-    with served(guarded_settings) as web, served(guarded_settings) as other:
-        guarded = make_guarded(web)
-        elsewhere = Guarded(other, guarded.secrets, guarded.ids, guarded.owners)
+    with asking_for_keys(settings) as guarded, served(guarded.web.settings) as other:
+        elsewhere = replace(guarded, web=other)
         for where in (guarded, elsewhere):
             assert where.ask("anna", "GET", "/v1/drives").status_code == 200
         assert guarded.ask("anna", "DELETE", f"/v1/keys/{guarded.ids['anna']}").status_code == 204
@@ -129,9 +127,7 @@ def test_a_revoked_key_is_void_in_every_process(settings: Settings) -> None:
         wait_until(lambda: elsewhere.ask("anna", "GET", "/v1/drives").status_code == 401)
 
 
-def test_a_process_that_hears_nothing_asks_each_time(
-    guarded: Guarded, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_that_hears_nothing_asks_each_time(guarded: Keyed, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
 
     def ask(session: Session, secret: str) -> store.Known | None:
@@ -159,7 +155,7 @@ def test_a_process_that_hears_nothing_asks_each_time(
     guarded.ask("anna", "GET", "/v1/drives")
 
 
-def test_a_stream_ends_when_its_key_is_revoked(guarded: Guarded) -> None:
+def test_a_stream_ends_when_its_key_is_revoked(guarded: Keyed) -> None:
     headers = {"Authorization": f"Bearer {guarded.secrets['anna']}"}
     with httpx.Client(base_url=guarded.web.base, trust_env=False, verify=TLS, timeout=30) as client:
         drive = client.post("/v1/drives", content=HEADER, headers=headers).json()["id"]
@@ -183,7 +179,7 @@ def test_a_stream_ends_when_its_key_is_revoked(guarded: Guarded) -> None:
         assert not any("secret" in line for line in told)
 
 
-def test_the_day_of_use_is_noted_and_no_more(guarded: Guarded) -> None:
+def test_the_day_of_use_is_noted_and_no_more(guarded: Keyed) -> None:
     guarded.ask("anna", "GET", "/v1/drives")
     keys = {key["id"]: key for key in guarded.ask("operate", "GET", "/v1/keys").json()["keys"]}
     assert len(keys[str(guarded.ids["anna"])]["last_used_on"]) == len("2026-11-27")
@@ -191,7 +187,7 @@ def test_the_day_of_use_is_noted_and_no_more(guarded: Guarded) -> None:
 
 
 def test_a_database_that_is_away_is_said_as_by_any_route(
-    guarded: Guarded, monkeypatch: pytest.MonkeyPatch
+    guarded: Keyed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Before any route is asked the framework answers no error; a client has to know that it may come again."""
 

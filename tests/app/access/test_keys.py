@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
-from gate_support import Guarded
+from access_support import Keyed
 from problem_support import check
 
 
-def make(guarded: Guarded, caller: str, **request: Any) -> Any:
+def make(guarded: Keyed, caller: str, **request: Any) -> Any:
     return guarded.ask(caller, "POST", "/v1/keys", json={"label": "new", "scope": "own", **request})
 
 
-def test_a_new_key_is_told_once_and_works(guarded: Guarded) -> None:
+def test_a_new_key_is_told_once_and_works(guarded: Keyed) -> None:
     answer = make(guarded, "anna")
     assert answer.status_code == 201
     assert answer.headers["cache-control"] == "no-store"
@@ -28,7 +28,7 @@ def test_a_new_key_is_told_once_and_works(guarded: Guarded) -> None:
     assert made["secret"] not in listed.text
 
 
-def test_an_owner_sees_its_own_keys_and_an_operator_all(guarded: Guarded) -> None:
+def test_an_owner_sees_its_own_keys_and_an_operator_all(guarded: Keyed) -> None:
     mine = guarded.ask("anna", "GET", "/v1/keys").json()["keys"]
     assert {key["owner"]["name"] for key in mine} == {"anna"}
     everything = guarded.ask("operate", "GET", "/v1/keys").json()["keys"]
@@ -57,12 +57,12 @@ def test_an_owner_sees_its_own_keys_and_an_operator_all(guarded: Guarded) -> Non
         ("operate", {"scope": "operate"}, 201),
     ],
 )
-def test_what_a_key_may_make(guarded: Guarded, caller: str, request_: dict[str, Any], status: int) -> None:
+def test_what_a_key_may_make(guarded: Keyed, caller: str, request_: dict[str, Any], status: int) -> None:
     answer = make(guarded, caller, **request_)
     assert answer.status_code == status, answer.text
 
 
-def test_a_rotated_key_has_another_secret_and_the_same_id(guarded: Guarded) -> None:
+def test_a_rotated_key_has_another_secret_and_the_same_id(guarded: Keyed) -> None:
     path = f"/v1/keys/{guarded.ids['anna upload']}/rotate"
     made = guarded.ask("anna", "POST", path).json()
     assert made["key"]["id"] == str(guarded.ids["anna upload"])
@@ -71,7 +71,7 @@ def test_a_rotated_key_has_another_secret_and_the_same_id(guarded: Guarded) -> N
     check(guarded.ask("anna upload", "GET", f"/v1/drives/{guarded.ids['anna']}"), 404)
 
 
-def test_a_revoked_key_stays_in_the_list_and_is_not_rotated(guarded: Guarded) -> None:
+def test_a_revoked_key_stays_in_the_list_and_is_not_rotated(guarded: Keyed) -> None:
     path = f"/v1/keys/{guarded.ids['anna upload']}"
     for _ in range(2):
         assert guarded.ask("anna", "DELETE", path).status_code == 204
@@ -80,7 +80,7 @@ def test_a_revoked_key_stays_in_the_list_and_is_not_rotated(guarded: Guarded) ->
     assert keys["anna upload"]["revoked_at"] is not None
 
 
-def test_an_owner_changes_no_key_that_may_do_more(guarded: Guarded) -> None:
+def test_an_owner_changes_no_key_that_may_do_more(guarded: Keyed) -> None:
     path = "/v1/keys"
     made = make(guarded, "operate", scope="operate", owner="anna").json()["key"]
     check(guarded.ask("anna", "DELETE", f"{path}/{made['id']}"), 403)
@@ -89,7 +89,7 @@ def test_an_owner_changes_no_key_that_may_do_more(guarded: Guarded) -> None:
         check(guarded.ask("anna", "DELETE", f"{path}/{guarded.ids[other]}"), 404)
 
 
-def test_an_owner_is_made_once(guarded: Guarded) -> None:
+def test_an_owner_is_made_once(guarded: Keyed) -> None:
     answer = guarded.ask("operate", "POST", "/v1/owners", json={"name": "bus fleet"})
     assert answer.status_code == 201
     assert (answer.json()["name"], answer.json()["keys"], answer.json()["drives"]) == ("bus fleet", 0, 0)
@@ -99,7 +99,7 @@ def test_an_owner_is_made_once(guarded: Guarded) -> None:
     assert [owner["name"] for owner in owners] == ["anna", "ben", "bus fleet", "operator"]
 
 
-def test_changes_are_in_the_audit(guarded: Guarded) -> None:
+def test_changes_are_in_the_audit(guarded: Keyed) -> None:
     made = make(guarded, "anna").json()["key"]["id"]
     guarded.ask("anna", "POST", f"/v1/keys/{made}/rotate")
     guarded.ask("anna", "DELETE", f"/v1/keys/{made}")

@@ -11,10 +11,10 @@ import httpx
 import pytest
 from sqlalchemy import text
 
+from access_support import Keyed
 from app.access import store
 from app.access.sessions import LOGINS
 from app.core.settings import Settings
-from gate_support import Guarded
 from problem_support import check
 from server_support import wait_until
 from web_fixtures import TLS, served
@@ -22,7 +22,7 @@ from web_fixtures import TLS, served
 ORIGIN = "http://elsewhere.example"
 
 
-def browser(guarded: Guarded) -> httpx.Client:
+def browser(guarded: Keyed) -> httpx.Client:
     """A client that keeps cookies and says where its changes come from, as browsers do."""
     base = guarded.web.base
     return httpx.Client(
@@ -38,12 +38,12 @@ def log_in(client: httpx.Client, **what: str) -> httpx.Response:
     return client.post("/v1/session", json=what)
 
 
-def a_link(guarded: Guarded, caller: str = "anna", **valid: Any) -> str:
+def a_link(guarded: Keyed, caller: str = "anna", **valid: Any) -> str:
     with guarded.web.sessions.begin() as session:
         return store.create_link(session, guarded.ids[caller], **valid)
 
 
-def test_a_key_logs_a_browser_in_until_it_logs_out(guarded: Guarded) -> None:
+def test_a_key_logs_a_browser_in_until_it_logs_out(guarded: Keyed) -> None:
     with browser(guarded) as client:
         nobody = client.get("/v1/session").json()
         assert (nobody["access"], nobody["public_map"], nobody["scope"], nobody["owner"]) == (
@@ -91,20 +91,20 @@ def test_by_https_the_cookie_is_this_hosts_alone(settings: Settings) -> None:
 
 
 @pytest.mark.parametrize("caller", ["wrong", "revoked"])
-def test_a_key_that_is_none_logs_nobody_in(guarded: Guarded, caller: str) -> None:
+def test_a_key_that_is_none_logs_nobody_in(guarded: Keyed, caller: str) -> None:
     with browser(guarded) as client:
         problem = check(log_in(client, key=guarded.secrets[caller]), 401)
         assert problem["type"] == "/problems/unauthorized"
         assert cookies(client) == {}
 
 
-def test_a_key_that_only_uploads_logs_nobody_in(guarded: Guarded) -> None:
+def test_a_key_that_only_uploads_logs_nobody_in(guarded: Keyed) -> None:
     with browser(guarded) as client:
         check(log_in(client, key=guarded.secrets["anna upload"]), 403)
         assert cookies(client) == {}
 
 
-def test_a_link_logs_in_once(guarded: Guarded) -> None:
+def test_a_link_logs_in_once(guarded: Keyed) -> None:
     link = a_link(guarded)
     with browser(guarded) as first, browser(guarded) as second:
         assert log_in(first, link=link).json()["owner"]["name"] == "anna"
@@ -113,7 +113,7 @@ def test_a_link_logs_in_once(guarded: Guarded) -> None:
         check(second.get("/v1/drives"), 401)
 
 
-def test_a_link_that_is_old_or_of_a_revoked_key_logs_nobody_in(guarded: Guarded) -> None:
+def test_a_link_that_is_old_or_of_a_revoked_key_logs_nobody_in(guarded: Keyed) -> None:
     old = a_link(guarded, valid=timedelta(seconds=-1))
     with browser(guarded) as client:
         check(log_in(client, link=old), 401)
@@ -122,7 +122,7 @@ def test_a_link_that_is_old_or_of_a_revoked_key_logs_nobody_in(guarded: Guarded)
         check(log_in(client, link=link), 401)
 
 
-def test_a_session_of_somebody_else_is_not_taken_over(guarded: Guarded) -> None:
+def test_a_session_of_somebody_else_is_not_taken_over(guarded: Keyed) -> None:
     """Fixation: who plants a cookie in a browser knows no session that it later has."""
     with browser(guarded) as attacker, browser(guarded) as client:
         log_in(attacker, key=guarded.secrets["ben"])
@@ -137,7 +137,7 @@ def test_a_session_of_somebody_else_is_not_taken_over(guarded: Guarded) -> None:
 
 
 @pytest.mark.parametrize("change", [{"revoked_at": "now()"}, {"expires_at": "now() - interval '1 second'"}])
-def test_a_session_ends_with_its_key(guarded: Guarded, change: dict[str, str]) -> None:
+def test_a_session_ends_with_its_key(guarded: Keyed, change: dict[str, str]) -> None:
     with browser(guarded) as client:
         log_in(client, key=guarded.secrets["anna"])
         assert client.get("/v1/drives").status_code == 200
@@ -149,7 +149,7 @@ def test_a_session_ends_with_its_key(guarded: Guarded, change: dict[str, str]) -
         wait_until(lambda: client.get("/v1/drives").status_code == 401)
 
 
-def test_a_session_ends_when_its_key_is_rotated(guarded: Guarded) -> None:
+def test_a_session_ends_when_its_key_is_rotated(guarded: Keyed) -> None:
     with browser(guarded) as client:
         log_in(client, key=guarded.secrets["anna"])
         link = a_link(guarded)
@@ -158,7 +158,7 @@ def test_a_session_ends_when_its_key_is_rotated(guarded: Guarded) -> None:
         check(log_in(client, link=link), 401)
 
 
-def test_a_session_ends_by_itself(guarded: Guarded) -> None:
+def test_a_session_ends_by_itself(guarded: Keyed) -> None:
     with browser(guarded) as client:
         log_in(client, key=guarded.secrets["anna"])
         with guarded.web.sessions.begin() as session:
@@ -166,7 +166,7 @@ def test_a_session_ends_by_itself(guarded: Guarded) -> None:
         check(client.get("/v1/drives"), 401)
 
 
-def test_a_page_of_another_site_changes_nothing_by_a_visitors_session(guarded: Guarded) -> None:
+def test_a_page_of_another_site_changes_nothing_by_a_visitors_session(guarded: Keyed) -> None:
     """Neither where the browser names it, nor where nothing is said of where the request comes from."""
     with browser(guarded) as client:
         log_in(client, key=guarded.secrets["anna"])
@@ -188,13 +188,13 @@ def test_a_page_of_another_site_changes_nothing_by_a_visitors_session(guarded: G
         assert "x" not in {key["label"] for key in keys}
 
 
-def test_a_page_of_another_site_logs_nobody_in(guarded: Guarded) -> None:
+def test_a_page_of_another_site_logs_nobody_in(guarded: Keyed) -> None:
     headers = {"Origin": ORIGIN}
     answer = guarded.web.client.post("/v1/session", json={"key": guarded.secrets["ben"]}, headers=headers)
     check(answer, 403)
 
 
-def test_whoever_tries_again_and_again_has_to_wait(guarded: Guarded) -> None:
+def test_whoever_tries_again_and_again_has_to_wait(guarded: Keyed) -> None:
     for _ in range(LOGINS.amount):
         check(guarded.web.client.post("/v1/session", json={"key": store.new_key()}), 401)
     answer = guarded.web.client.post("/v1/session", json={"key": guarded.secrets["anna"]})
@@ -203,7 +203,7 @@ def test_whoever_tries_again_and_again_has_to_wait(guarded: Guarded) -> None:
     assert guarded.ask("anna", "GET", "/v1/drives").status_code == 200  # who sends its key goes on
 
 
-def test_the_time_of_an_answer_tells_no_key(guarded: Guarded) -> None:
+def test_the_time_of_an_answer_tells_no_key(guarded: Keyed) -> None:
     """A key that is nearly right takes as long as one that is not: they are looked up by their hashes."""
     near = guarded.secrets["anna"][:-1] + ("A" if guarded.secrets["anna"][-1] != "A" else "B")
     guarded.secrets["near"] = near
@@ -218,11 +218,11 @@ def test_the_time_of_an_answer_tells_no_key(guarded: Guarded) -> None:
 
 
 @pytest.mark.parametrize("body", [{}, {"key": "a", "link": "b"}, {"key": None}])
-def test_a_login_is_by_one_of_both(guarded: Guarded, body: dict[str, Any]) -> None:
+def test_a_login_is_by_one_of_both(guarded: Keyed, body: dict[str, Any]) -> None:
     check(guarded.web.client.post("/v1/session", json=body), 422)
 
 
-def test_no_secret_is_kept(guarded: Guarded) -> None:
+def test_no_secret_is_kept(guarded: Keyed) -> None:
     with browser(guarded) as client:
         log_in(client, key=guarded.secrets["anna"])
         link = a_link(guarded)

@@ -15,13 +15,12 @@ import pytest
 from sqlalchemy import create_engine, text
 from sqlalchemy.exc import ProgrammingError
 
+from access_support import Keyed, asking_for_keys
 from app.access import quotas, store
 from app.core.caller import SERVICE, Caller, as_caller, guard
 from app.core.db import Sessions, session_factory
 from app.core.settings import Settings
-from gate_support import Guarded, make_guarded
 from problem_support import check
-from web_fixtures import served
 
 NOON = datetime(2026, 11, 27, 12, 0, 0, tzinfo=UTC)
 NEXT_DAY = datetime(2026, 11, 28, 0, 0, 1, tzinfo=UTC)
@@ -36,7 +35,7 @@ def log(number: int, size: int = 60) -> bytes:
 class Uploads:
     """A service with quotas, and what is sent to it."""
 
-    def __init__(self, guarded: Guarded) -> None:
+    def __init__(self, guarded: Keyed) -> None:
         self.ask, self.web, self.secrets = guarded.ask, guarded.web, guarded.secrets
         self.owner_id = guarded.owners["anna"]
 
@@ -72,8 +71,8 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[datetime], None]:
 @pytest.fixture
 def service(settings: Settings, clock: object) -> Iterator[Uploads]:
     changed = {"quota_drives": QUOTA_DRIVES, "quota_bytes": QUOTA_BYTES, "quota_records": QUOTA_RECORDS}
-    with served(settings.model_copy(update={"access": "keys", **changed})) as web:
-        yield Uploads(make_guarded(web))
+    with asking_for_keys(settings, **changed) as guarded:
+        yield Uploads(guarded)
 
 
 def test_uploads_are_counted_and_told(service: Uploads) -> None:

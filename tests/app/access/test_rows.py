@@ -10,10 +10,10 @@ import pytest
 from sqlalchemy import Engine, inspect, text
 from sqlalchemy.exc import ProgrammingError
 
+from access_support import Keyed, Things
 from app.core.caller import NOBODY, OPERATOR_OWNER, ROLES, Caller, Scope, as_caller, guard
 from app.core.db import Sessions, make_engine
 from app.core.tables import Base
-from gate_support import Guarded, Things
 
 OF_DRIVES_FOR_ALL = {"network_marks"}
 """Tables that name drives and are not secret of their owners: which cells are to be solved anew, read by the operator's
@@ -22,7 +22,7 @@ _SECURED = text("SELECT relname FROM pg_class WHERE relrowsecurity")
 
 
 @pytest.fixture
-def engine(shared: tuple[Guarded, dict[str, Things]]) -> Iterator[Engine]:
+def engine(shared: tuple[Keyed, dict[str, Things]]) -> Iterator[Engine]:
     """As the API's: each transaction is the present caller's."""
     engine = guard(make_engine(str(shared[0].web.settings.database_url)))
     yield engine
@@ -56,7 +56,7 @@ def test_nobody_sees_no_row_of_an_owner(engine: Engine) -> None:
 
 
 def test_an_owner_sees_what_is_its_own_and_changes_nothing_else(
-    shared: tuple[Guarded, dict[str, Things]], engine: Engine
+    shared: tuple[Keyed, dict[str, Things]], engine: Engine
 ) -> None:
     guarded, things = shared
     mine = {name: counted(engine, Caller("own", guarded.owners[name])) for name in things}
@@ -86,7 +86,7 @@ def test_an_owner_sees_what_is_its_own_and_changes_nothing_else(
 
 
 def test_an_owner_cannot_give_a_row_to_another(
-    shared: tuple[Guarded, dict[str, Things]], engine: Engine
+    shared: tuple[Keyed, dict[str, Things]], engine: Engine
 ) -> None:
     guarded, _ = shared
     give = text("UPDATE drives SET owner_id = :ben")
@@ -99,7 +99,7 @@ def test_an_owner_cannot_give_a_row_to_another(
 
 
 def test_a_key_that_uploads_sees_what_it_sent(
-    shared: tuple[Guarded, dict[str, Things]], engine: Engine
+    shared: tuple[Keyed, dict[str, Things]], engine: Engine
 ) -> None:
     guarded, _ = shared
     sender = Caller("upload", guarded.owners["anna"], guarded.ids["anna upload"])
@@ -111,7 +111,7 @@ def test_a_key_that_uploads_sees_what_it_sent(
 
 
 def test_partitions_of_passes_are_reached_through_their_table_alone(
-    shared: tuple[Guarded, dict[str, Things]], engine: Engine
+    shared: tuple[Keyed, dict[str, Things]], engine: Engine
 ) -> None:
     with as_caller(Caller("own", shared[0].owners["anna"])), engine.connect() as connection:
         parts = text("SELECT relname FROM pg_class WHERE relname LIKE 'drive_passes_of_%' AND relkind = 'r'")
@@ -134,7 +134,7 @@ _SHARE = text("SELECT versant_place_share(:owner, 8.4012, 49.0012)")
 
 
 def test_an_owner_is_told_of_its_places_by_a_function_alone(
-    shared: tuple[Guarded, dict[str, Things]], engine: Engine
+    shared: tuple[Keyed, dict[str, Things]], engine: Engine
 ) -> None:
     """The roles may not look into ``told``, where the places of all are."""
     guarded, _ = shared
@@ -166,7 +166,7 @@ def test_an_owner_is_told_of_its_places_by_a_function_alone(
 @pytest.mark.parametrize("table", ["places", "standing", "examined"])
 @pytest.mark.parametrize("scope", ["nobody", "upload", "own", "operate"])
 def test_no_role_looks_into_what_is_told(
-    shared: tuple[Guarded, dict[str, Things]], engine: Engine, scope: Scope, table: str
+    shared: tuple[Keyed, dict[str, Things]], engine: Engine, scope: Scope, table: str
 ) -> None:
     caller = Caller(scope, shared[0].owners["anna"])
     with (
@@ -178,7 +178,7 @@ def test_no_role_looks_into_what_is_told(
 
 
 def test_a_transaction_after_another_callers_is_its_own(
-    shared: tuple[Guarded, dict[str, Things]], engine: Engine
+    shared: tuple[Keyed, dict[str, Things]], engine: Engine
 ) -> None:
     """Connections are shared: what one transaction was allowed ends with it."""
     guarded, _ = shared

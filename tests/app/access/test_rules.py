@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from access_support import Keyed, Things
 from app.access.rules import ROUTES, Rule, Rules
 from app.main import known_routes
-from gate_support import Guarded, Things
 
 REFUSED: dict[Rule, dict[str | None, int]] = {
     Rule.OPEN: {},
@@ -33,7 +33,7 @@ def address(path: str, things: Things) -> str:
     return re.sub(r"\{\w+:path\}", "x", named)
 
 
-def status(guarded: Guarded, caller: str | None, method: str, path: str, **request: Any) -> int:
+def status(guarded: Keyed, caller: str | None, method: str, path: str, **request: Any) -> int:
     """The status alone: a stream may be without end."""
     headers = {} if caller is None else {"Authorization": f"Bearer {guarded.secrets[caller]}"}
     with guarded.web.client.stream(method, path, headers=headers, **request) as answer:
@@ -69,7 +69,7 @@ def test_the_rule_is_that_of_the_route_that_answers(path: str, rule: Rule) -> No
 
 
 def test_every_caller_is_refused_where_the_table_says_so_and_changes_nothing(
-    shared: tuple[Guarded, dict[str, Things]],
+    shared: tuple[Keyed, dict[str, Things]],
 ) -> None:
     guarded, things = shared
     wrong = []
@@ -84,7 +84,7 @@ def test_every_caller_is_refused_where_the_table_says_so_and_changes_nothing(
         assert guarded.ask("anna", "GET", path).status_code == 200
 
 
-def test_what_is_another_owners_is_not_there(shared: tuple[Guarded, dict[str, Things]]) -> None:
+def test_what_is_another_owners_is_not_there(shared: tuple[Keyed, dict[str, Things]]) -> None:
     """By the routes' own answers, the same as for an id of nothing; and nothing of it is changed."""
     guarded, things = shared
     nothing = Things(dict.fromkeys(OF_AN_OWNER, "00000000-0000-0000-0000-000000000000"))
@@ -109,7 +109,7 @@ def test_what_is_another_owners_is_not_there(shared: tuple[Guarded, dict[str, Th
 
 
 @pytest.mark.parametrize("caller", ["anna", "operate"])
-def test_whoever_may_reads(shared: tuple[Guarded, dict[str, Things]], caller: str) -> None:
+def test_whoever_may_reads(shared: tuple[Keyed, dict[str, Things]], caller: str) -> None:
     guarded, things = shared
     of = things["anna"]
     ids = dict(of.ids, segment_id=str(_a_segment(guarded)), item_id=str(_a_segment(guarded)))
@@ -129,12 +129,12 @@ MADE_LATER = ("/file", "/beside/", "/v1/changes/events")
 """Of an export when it is made; a stream without end."""
 
 
-def _a_segment(guarded: Guarded) -> int:
+def _a_segment(guarded: Keyed) -> int:
     answer = guarded.ask("anna", "GET", "/collections/segments/items?limit=1")
     return int(answer.json()["features"][0]["id"])
 
 
-def test_lists_hold_what_is_the_owners(shared: tuple[Guarded, dict[str, Things]]) -> None:
+def test_lists_hold_what_is_the_owners(shared: tuple[Keyed, dict[str, Things]]) -> None:
     guarded, things = shared
     for owner, of in things.items():
         for kind in ("drives", "exports", "webhooks"):

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import httpx
 import pytest
 
-from gate_support import Guarded, Things
+from access_support import Keyed, Things
 from problem_support import check
 
 MOST = 6
-Shared = tuple[Guarded, dict[str, Things]]
+Shared = tuple[Keyed, dict[str, Things]]
 Ask = Callable[[Shared, str, int], httpx.Response]
 """One more of a kind, asked for by that owner; the number makes it another one."""
 
@@ -55,7 +55,7 @@ def test_an_owner_leaves_some_for_others(
     )
 
 
-def test_an_owner_has_but_so_many_keys(guarded: Guarded, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_owner_has_but_so_many_keys(guarded: Keyed, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.access.routes.MOST_KEYS", 4)
     wish = {"label": "another", "scope": "upload"}
     answers = [guarded.ask("anna", "POST", "/v1/keys", json=wish) for _ in range(2)]

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gate_support import Guarded
+from access_support import Keyed
 from problem_support import check
 
 
@@ -18,12 +18,12 @@ def zone(lon: Any = 8.67, lat: Any = 49.41, radius: Any = 300.0, name: Any = "ho
     }
 
 
-def put(guarded: Guarded, caller: str, *features: dict[str, Any]) -> Any:
+def put(guarded: Keyed, caller: str, *features: dict[str, Any]) -> Any:
     document = {"type": "FeatureCollection", "features": list(features)}
     return guarded.ask(caller, "PUT", "/v1/owner/zones", json=document)
 
 
-def test_they_are_set_together(guarded: Guarded) -> None:
+def test_they_are_set_together(guarded: Keyed) -> None:
     both = [zone(), zone(-180, -90, 5000.0, "the office's gate")]
     assert put(guarded, "anna", *both).status_code == 204
     answer = guarded.ask("anna", "GET", "/v1/owner/zones")
@@ -37,7 +37,7 @@ def test_they_are_set_together(guarded: Guarded) -> None:
     assert guarded.ask("anna", "GET", "/v1/owner/zones").json()["features"] == [both[1]]
 
 
-def test_there_are_fifty_at_most(guarded: Guarded) -> None:
+def test_there_are_fifty_at_most(guarded: Keyed) -> None:
     assert put(guarded, "anna", *[zone()] * 50).status_code == 204
     check(put(guarded, "anna", *[zone()] * 51), 422)
     assert len(guarded.ask("anna", "GET", "/v1/owner/zones").json()["features"]) == 50
@@ -59,11 +59,11 @@ def test_there_are_fifty_at_most(guarded: Guarded) -> None:
         {**zone(), "geometry": {"type": "LineString", "coordinates": [[8.67, 49.4], [8.7, 49.4]]}},
     ],
 )
-def test_what_is_no_zone(guarded: Guarded, wrong: dict[str, Any]) -> None:
+def test_what_is_no_zone(guarded: Keyed, wrong: dict[str, Any]) -> None:
     check(put(guarded, "anna", wrong), 422)
 
 
-def test_the_audit_has_how_many_and_no_place(guarded: Guarded) -> None:
+def test_the_audit_has_how_many_and_no_place(guarded: Keyed) -> None:
     put(guarded, "anna", zone())
     rows = guarded.ask("operate", "GET", "/v1/admin/audit?days=1").text
     assert "zones changed" in rows

@@ -164,7 +164,7 @@ def test_counts_are_by_owner_also_when_they_are_added_up(keyed: Keyed) -> None:
     assert [tuple(row) for row in rows] == [(keyed.a.id, 3), (keyed.b.id, 1)]
     assert counted() == [3, 1, 4]
     owners = {one["name"]: one["drives"] for one in keyed.operator.get("/v1/owners").json()["owners"]}
-    assert owners == {"operator": 0, "A": 3, "B": 1}
+    assert owners == {"operator": 0, "anna": 3, "ben": 1}
 
 
 OF_DRIVES = sorted((method, path) for method, path in ROUTES if path.startswith("/v1/drives/{drive_id}"))

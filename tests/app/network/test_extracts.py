@@ -16,7 +16,7 @@ from app.core.db import Sessions, fetch_binary, make_engine, session_factory
 from app.embedded.cluster import EmbeddedPostgres
 from app.network import extracts, solve
 from app.network.extracts import Roads, roads_in
-from app.roads.store import road_version_id
+from app.roads.store import current_road_version
 from fusion.roads.table import RoadTable, boxes_along, rows_of
 from fusion.simulate.scene.town import Town
 from fusion.types import Floats
@@ -47,7 +47,7 @@ def test_they_are_those_of_the_whole(
 ) -> None:
     """Whatever is kept already, and however little may be."""
     with sessions() as session:
-        fresh = not road_version_id(session)
+        fresh = current_road_version(session) is None
     if fresh:
         imported(sessions, town.roads)
     west, south, east, north = town.roads.bounds_deg()

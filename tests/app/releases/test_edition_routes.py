@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
@@ -13,15 +14,18 @@ import httpx
 import pytest
 from pmtiles.reader import Reader, all_tiles
 
+from access_support import Keyed, asking_for_keys
+from app.access.rules import ROUTES, Rule
 from app.core.blobs import EDITIONS, BlobStore
 from app.core.settings import Settings
+from app.map import figures
+from app.map.derived.following import follow_all
 from app.releases.files import publish_files
 from app.releases.keeping import copy_files, folder_key, keep_files
 from app.releases.privacy import privacy_of
 from app.releases.store import Edition, list_editions
 from edition_support import add_edition, edition_sessions
 from fusion.types import no_progress
-from gate_support import Guarded, make_guarded
 from web_fixtures import Web, add_drive, fill_roads, served
 
 NAMES = ["slopes.pmtiles", "slopes.parquet", "slopes.gpkg", "manifest.json"]
@@ -29,13 +33,12 @@ CALLERS = (None, "anna upload", "anna", "operate")
 
 
 @pytest.fixture
-def released(settings: Settings) -> Iterator[Guarded]:
+def released(settings: Settings) -> Iterator[Keyed]:
     """A service that shows editions to whoever has no key."""
-    changed = {"access": "keys", "public_map": "releases"}
-    with served(settings.model_copy(update=changed)) as web:
-        fill_roads(web.sessions)
-        add_drive(web.sessions, [0, 1, 2], 3.0)
-        yield make_guarded(web)
+    with asking_for_keys(settings, public_map="releases") as keyed:
+        fill_roads(keyed.web.sessions)
+        add_drive(keyed.web.sessions, [0, 1, 2], 3.0)
+        yield keyed
 
 
 def make_edition(web: Web, number: int, folder: Path) -> Edition:
@@ -48,7 +51,7 @@ def make_edition(web: Web, number: int, folder: Path) -> Edition:
     return edition
 
 
-def test_every_caller_reads_editions_and_their_files(released: Guarded, tmp_path: Path) -> None:
+def test_every_caller_reads_editions_and_their_files(released: Keyed, tmp_path: Path) -> None:
     assert released.ask(None, "GET", "/v1/editions").json()["editions"] == []
     assert released.ask(None, "GET", "/v1/editions/latest").status_code == 404
     edition = make_edition(released.web, 2, tmp_path)
@@ -76,7 +79,7 @@ def test_every_caller_reads_editions_and_their_files(released: Guarded, tmp_path
     assert released.ask("wrong", "GET", "/v1/editions").status_code == 401
 
 
-def test_files_come_in_parts_as_clients_of_tiles_ask(released: Guarded, tmp_path: Path) -> None:
+def test_files_come_in_parts_as_clients_of_tiles_ask(released: Keyed, tmp_path: Path) -> None:
     edition = make_edition(released.web, 1, tmp_path)
     address, content = "/v1/editions/latest/slopes.pmtiles", (tmp_path / "slopes.pmtiles").read_bytes()
     etag = f'"{edition.files[0]["sha256"]}"'
@@ -105,7 +108,7 @@ def test_files_come_in_parts_as_clients_of_tiles_ask(released: Guarded, tmp_path
     assert len(list(all_tiles(read))) > 3
 
 
-def test_what_older_editions_had_goes_with_the_next_one(released: Guarded, tmp_path: Path) -> None:
+def test_what_older_editions_had_goes_with_the_next_one(released: Keyed, tmp_path: Path) -> None:
     web = released.web
     first = make_edition(web, 1, tmp_path / "1")
     blobs = BlobStore(web.settings.blob_store_url, EDITIONS)
@@ -118,7 +121,7 @@ def test_what_older_editions_had_goes_with_the_next_one(released: Guarded, tmp_p
     assert not blobs.exists(f"{folder_key(first)}/manifest.json")
 
 
-def test_the_files_before_are_there_until_the_new_ones_are(released: Guarded, tmp_path: Path) -> None:
+def test_the_files_before_are_there_until_the_new_ones_are(released: Keyed, tmp_path: Path) -> None:
     make_edition(released.web, 1, tmp_path)
     add_edition(released.web.sessions, 2)
     assert released.ask(None, "GET", "/v1/editions/latest").json()["number"] == 2
@@ -126,7 +129,7 @@ def test_the_files_before_are_there_until_the_new_ones_are(released: Guarded, tm
     assert (answer.status_code, answer.json()["number"]) == (200, 1)
 
 
-def test_as_many_editions_keep_their_files_as_the_setting_says(released: Guarded, tmp_path: Path) -> None:
+def test_as_many_editions_keep_their_files_as_the_setting_says(released: Keyed, tmp_path: Path) -> None:
     web = released.web
     web.settings = web.settings.model_copy(update={"editions_kept": 2})
     for number in (1, 2, 3):
@@ -136,7 +139,7 @@ def test_as_many_editions_keep_their_files_as_the_setting_says(released: Guarded
     assert len(BlobStore(web.settings.blob_store_url, EDITIONS).keys()) == 2
 
 
-def test_another_database_keeps_what_only_it_may_know(released: Guarded, tmp_path: Path) -> None:
+def test_another_database_keeps_what_only_it_may_know(released: Keyed, tmp_path: Path) -> None:
     web = released.web
     make_edition(web, 1, tmp_path / "1")
     blobs = BlobStore(web.settings.blob_store_url, EDITIONS)
@@ -146,7 +149,7 @@ def test_another_database_keeps_what_only_it_may_know(released: Guarded, tmp_pat
     assert blobs.keys() == [folder_key(second), f"{EDITIONS}/7-of-another"]
 
 
-def test_files_that_are_gone_are_told_as_gone(released: Guarded, tmp_path: Path) -> None:
+def test_files_that_are_gone_are_told_as_gone(released: Keyed, tmp_path: Path) -> None:
     """As after a backup, which has no files of editions, came back."""
     edition = make_edition(released.web, 1, tmp_path)
     BlobStore(released.web.settings.blob_store_url, EDITIONS).delete_folder(folder_key(edition))
@@ -155,7 +158,7 @@ def test_files_that_are_gone_are_told_as_gone(released: Guarded, tmp_path: Path)
     assert "next edition" in answer.json()["detail"]
 
 
-def test_what_cannot_be_kept_leaves_nothing(released: Guarded, tmp_path: Path) -> None:
+def test_what_cannot_be_kept_leaves_nothing(released: Keyed, tmp_path: Path) -> None:
     edition = make_edition(released.web, 1, tmp_path)
     blobs = BlobStore(released.web.settings.blob_store_url, EDITIONS)
     blobs.delete_folder(folder_key(edition))
@@ -165,27 +168,86 @@ def test_what_cannot_be_kept_leaves_nothing(released: Guarded, tmp_path: Path) -
     assert blobs.keys() == []
 
 
-def test_documents_say_which_edition_they_are_of(released: Guarded, tmp_path: Path) -> None:
+OF_NO_EDITION = {
+    "/collections/segments/queryables": "of the program",
+    "/collections/segments/schema": "of the program",
+    "/collections/segments/sortables": "of the program",
+    "/collections/ways/queryables": "of the program",
+    "/collections/ways/schema": "of the program",
+    "/collections/ways/sortables": "of the program",
+    "/collections/{collection_id}": "there is none of that name",
+    "/collections/{collection_id}/{rest:path}": "there is none of that name",
+    "/tiles/{z}/{x}/{y}.geojson": "a tile in which nothing changed keeps its ETag from one edition to the next",
+    "/v1/changes/events": "a stream, that says what to fetch anew",
+    "/v1/editions": "of every edition",
+    "/v1/editions/{number}": "the edition itself",
+    "/v1/editions/{number}/{name}": "a file",
+    "/v1/exports/formats": "of the program",
+}
+"""Documents of routes of the map that do not say which edition they are of, and why."""
+ASKED = {
+    "/height": {"json": json.dumps({"shape": [{"lat": 49.0, "lon": 8.4}]})},
+    "/v1/elevation": {"locations": "49.0,8.4"},
+}
+TOLD = {"number": 1, "day": "2026-11-13", "owners": 3, "owners_needed": 5}
+
+
+def test_every_document_of_the_map_says_which_edition_it_is_of(released: Keyed, tmp_path: Path) -> None:
+    follow_all(released.web.sessions)
     make_edition(released.web, 1, tmp_path)
-    told = {"number": 1, "day": "2026-11-13", "owners": 3, "owners_needed": 5}
-    items = released.ask(None, "GET", "/collections/segments/items?limit=1").json()
-    segment = items["features"][0]["id"]
-    addresses = (
-        "/tiles.json",
-        "/tiles/WebMercatorQuad",
-        "/tiles",
-        "/collections/segments",
-        "/collections/ways",
-        "/collections/segments/items?limit=1",
-        f"/collections/segments/items/{segment}",
-        f"/v1/segments/{segment}",
-    )
-    for address in addresses:
-        for caller in (None, "anna upload"):
-            assert released.ask(caller, "GET", address).json()["edition"] == told, address
-        for caller in ("anna", "operate"):
-            assert "edition" not in released.ask(caller, "GET", address).json(), address
-    assert released.ask(None, "GET", "/style.json").json()["metadata"]["versant:edition"] == told
+    items = {name: f"/collections/{name}/items" for name in ("segments", "ways")}
+    ids = {
+        path: released.ask(None, "GET", path, params={"limit": 1}).json()["features"][0]["id"]
+        for path in items.values()
+    }
+    parts = {"collection": "ways", "segment_id": ids[items["segments"]], "tileMatrix": 14, "z": 14}
+    seen, wrong = set(), []
+    for (method, path), rule in ROUTES.items():
+        if rule is not Rule.MAP or path in OF_NO_EDITION:
+            continue
+        known = {**parts, "item_id": ids.get(path.removesuffix("/{item_id}"))}
+        address = re.sub(r"\{(\w+)\}", lambda part, known=known: str(known.get(part[1], 1)), path)
+        asked = {"json": json.loads(ASKED[path]["json"])} if method == "POST" else {"params": ASKED.get(path)}
+        answers = {caller: released.ask(caller, method, address, **asked) for caller in CALLERS}
+        assert {answer.status_code for answer in answers.values()} <= {200, 204}, address
+        if "json" not in answers[None].headers.get("content-type", ""):
+            continue
+        seen.add(path)
+        found = {caller: answer.json().get("edition") for caller, answer in answers.items()}
+        if found != {None: TOLD, "anna upload": TOLD, "anna": None, "operate": None}:
+            wrong.append((method, path, found))
+    assert wrong == []
+    assert len(seen) > 15 and {path for _, path in ROUTES} >= set(OF_NO_EDITION)
+    assert released.ask(None, "GET", "/style.json").json()["metadata"]["versant:edition"] == TOLD
+
+
+def test_changes_are_told_anew_of_an_edition_that_changed_nothing(released: Keyed, tmp_path: Path) -> None:
+    """What says its number has another ETag; a tile says none, and keeps its own."""
+    addresses = ("/v1/changes", "/collections/segments/items", "/tiles/14/8573/5630.geojson")
+    again = []
+    for number in (1, 2):
+        make_edition(released.web, number, tmp_path / str(number))
+        again.append([released.ask(None, "GET", one).headers["etag"] for one in addresses])
+    (changes, items, tile), (later_changes, later_items, later_tile) = again
+    assert changes != later_changes and items != later_items and tile == later_tile
+    for address, etag in zip(addresses, again[1], strict=True):
+        assert released.ask(None, "GET", address, headers={"If-None-Match": etag}).status_code == 304
+
+
+def test_regions_count_what_the_edition_has(
+    released: Keyed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where a worker counts the live map, which the public may not know."""
+    make_edition(released.web, 1, tmp_path)
+    add_drive(released.web.sessions, [3, 4], 3.0)
+    monkeypatch.setattr("app.operations.sources.FEW_SEGMENTS", 0)
+    while figures.renew_one(released.web.sessions):
+        pass
+    measured = {
+        caller: released.ask(caller, "GET", "/v1/regions").json()["regions"][0]["measured"]
+        for caller in (None, "operate")
+    }
+    assert measured == {None: 3, "operate": 5}
 
 
 @pytest.mark.parametrize("mode", ["live", "off", "releases"])

@@ -16,6 +16,7 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import ProgrammingError
 
+from access_support import Keyed, asking_for_keys
 from app.access.rules import ROUTES, Rule
 from app.changes.webhooks.telling import note_changes
 from app.core.caller import NOBODY, Caller, as_caller, guard
@@ -24,9 +25,7 @@ from app.exports.run import EXPORT
 from app.jobs.context import JobContext
 from app.jobs.requests.run import perform
 from app.jobs.task import Work
-from gate_support import Guarded, make_guarded
 from release_support import LONG, MIDDLE, Public, public
-from web_fixtures import served
 
 __all__ = ["public"]
 
@@ -48,7 +47,7 @@ class Shown:
     """A service whose public reads editions, with one in which the street is told, and a drive that came since."""
 
     public: Public
-    guarded: Guarded
+    guarded: Keyed
 
     def get(self, path: str, caller: str | None = None, **options: Any) -> Any:
         """The answer, which has to be one."""
@@ -62,10 +61,8 @@ class Shown:
 
 @pytest.fixture
 def shown(public: Public, request: pytest.FixtureRequest) -> Iterator[Shown]:
-    changed = {"access": "keys", "webhook_private": True, **getattr(request, "param", {})}
-    settings = request.getfixturevalue("settings").model_copy(update={"public_map": "releases", **changed})
-    with served(settings) as web:
-        guarded = make_guarded(web)
+    changed = {"public_map": "releases", "webhook_private": True, **getattr(request, "param", {})}
+    with asking_for_keys(request.getfixturevalue("settings"), **changed) as guarded:
         for owner in range(5):
             public.drive(owner, STREET)
         public.release()

@@ -56,7 +56,7 @@ def test_keys_and_owners_come_back_to_a_server_without_roles(
     bringing_back.restore(strange, sessions, tmp_path / "copy", manifest)
     with sessions() as session:
         assert upkeep.lacking_roles(session) == []
-        for table, rows in (("sessions", 0), ("login_links", 0), ("owners", 3), ("keys", 5)):
+        for table, rows in (("sessions", 0), ("login_links", 0), ("owners", 3), ("keys", 6)):
             assert session.execute(text(f"SELECT count(*) FROM {table}")).scalar_one() == rows, table
         # Dumps hold no rights: who may call what looks into ``told`` is said anew.
         may_call = text(

@@ -35,49 +35,69 @@ def end_removals(web: Web) -> None:
     removal.look_after(web.sessions, BlobStore(web.settings.blob_store_url, EXPORTS))
 
 
+Show = Callable[..., Tab]
+
+
 @pytest.fixture
-def opened(
+def show(
     asking: Web,
     tab_maker: Callable[..., Tab],
     key_maker: Callable[..., str],
     enter: Callable[[Tab, str], None],
-    words: dict[str, Any],
-) -> Tab:
+) -> Show:
+    """``show(page, owner=..., **options)``: a page as that owner sees it, in a browser with these options."""
+
+    def shown(page: str, owner: str = "bus fleet", **options: Any) -> Tab:
+        tab = tab_maker(**options)
+        enter(tab, key_maker("desk", "own", owner))
+        tab.page.goto(f"{asking.base}/{page}", wait_until="networkidle")
+        return tab
+
+    return shown
+
+
+@pytest.fixture
+def opened(asking: Web, show: Show, words: dict[str, Any]) -> Tab:
     """The page of an owner that has drives, in each language."""
-    tab = tab_maker(locale=words["locale"], viewport={"width": 1280, "height": 900})
-    enter(tab, key_maker("desk", "own", "bus fleet"))
+    tab = show("map", locale=words["locale"], viewport={"width": 1280, "height": 900})
     give_drives(asking, "bus fleet")
-    tab.page.goto(f"{asking.base}/map", wait_until="networkidle")
     tab.page.get_by_role("link", name=words["page"]["owner_named"].format(name="bus fleet")).click()
     tab.page.get_by_role("heading", name=words["owner"]["has"]).wait_for()
     return tab
 
 
-def test_for_how_long_logs_are_kept(asking: Web, opened: Tab, words: dict[str, Any]) -> None:
+def test_for_how_long_logs_are_kept(opened: Tab, words: dict[str, Any]) -> None:
     page, says = opened.page, words["owner"]
     form = page.get_by_role("form", name=says["keeping"])
+    days, save = form.get_by_label(says["days"], exact=True), form.get_by_role("button", name=says["save"])
     assert form.get_by_role("radio", name=says["keep"]["as_all"]).is_checked()
     form.get_by_text(says["holds"]["good"]).wait_for()
     form.get_by_role("radio", name=says["keep"]["days"]).check()
-    form.get_by_label(says["days"], exact=True).fill("7")
-    form.get_by_role("button", name=says["save"]).click()
+    days.fill("7")
+    save.click()
     asked = page.get_by_role("dialog")
     asked.get_by_text(says["keep_sure"]).wait_for()
     page.keyboard.press("Escape")
     form.get_by_text(says["holds"]["good"]).wait_for()
-    form.get_by_role("button", name=says["save"]).click()
+    save.click()
     asked.get_by_role("button", name=says["save"]).click()
     form.get_by_text(says["holds"]["days"]["other"].format(n=7)).wait_for()
-    form.get_by_label(says["days"], exact=True).fill("30")  # for longer: nothing to be asked about
-    form.get_by_role("button", name=says["save"]).click()
+    days.fill("30")  # for longer: nothing to be asked about
+    save.click()
     form.get_by_text(says["holds"]["days"]["other"].format(n=30)).wait_for()
     page.reload(wait_until="networkidle")
-    assert form.get_by_label(says["days"], exact=True).input_value() == "30"
+    assert days.input_value() == "30"
 
 
-def test_zones_are_kept(asking: Web, opened: Tab, words: dict[str, Any]) -> None:
+def test_zones_are_kept(opened: Tab, words: dict[str, Any]) -> None:
     page, says = opened.page, words["owner"]
     form = page.get_by_role("form", name=says["zones"])
+
+    def save_and_reload() -> None:
+        form.get_by_role("button", name=says["save_zones"]).click()
+        page.get_by_text(says["saved"]).first.wait_for()
+        page.reload(wait_until="networkidle")
+
     form.get_by_text(says["zones_none"]).wait_for()
     for n, (name, lat, lon) in enumerate([("home", "49.4102", "8.6724"), ("work <b>", "49.42", "8.7")], 1):
         form.get_by_role("button", name=says["add_zone"]).click()
@@ -85,20 +105,16 @@ def test_zones_are_kept(asking: Web, opened: Tab, words: dict[str, Any]) -> None
         zone.get_by_label(says["zone_name"]).fill(name)
         zone.get_by_label(says["lat"]).fill(lat)
         zone.get_by_label(says["lon"]).fill(lon)
-    form.get_by_role("button", name=says["save_zones"]).click()
-    page.get_by_text(says["saved"]).first.wait_for()
-    page.reload(wait_until="networkidle")
+    save_and_reload()
     second = form.get_by_role("group", name=says["zone"].format(n=2))
     assert second.get_by_label(says["zone_name"]).input_value() == "work <b>"
     assert second.get_by_label(says["radius"]).input_value() == "300"
     form.get_by_role("button", name=says["drop_zone"].format(name="home")).click()
-    form.get_by_role("button", name=says["save_zones"]).click()
-    page.get_by_text(says["saved"]).first.wait_for()
-    page.reload(wait_until="networkidle")
+    save_and_reload()
     assert form.get_by_role("group").count() == 1
 
 
-def test_the_archive_is_fetched(asking: Web, opened: Tab, words: dict[str, Any]) -> None:
+def test_the_archive_is_fetched(opened: Tab, words: dict[str, Any]) -> None:
     with opened.page.expect_download() as fetching:
         opened.page.get_by_role("link", name=words["owner"]["fetch"]).click()
     file = fetching.value
@@ -164,16 +180,8 @@ def test_an_operator_sees_it_of_others_and_keeps_its_own(
 
 
 @pytest.mark.parametrize("asking", ["live", "off", "releases"], indirect=True)
-def test_an_upload_says_who_will_see_what(
-    asking: Web,
-    tab_maker: Callable[..., Tab],
-    key_maker: Callable[..., str],
-    enter: Callable[[Tab, str], None],
-    words: dict[str, Any],
-) -> None:
-    tab = tab_maker(locale=words["locale"])
-    enter(tab, key_maker("desk", "own", "bus fleet"))
-    tab.page.goto(f"{asking.base}/upload", wait_until="networkidle")
+def test_an_upload_says_who_will_see_what(asking: Web, show: Show, words: dict[str, Any]) -> None:
+    tab = show("upload", locale=words["locale"])
     said = words["upload"]["seen"][asking.settings.shown_map].format(n=asking.settings.owners_needed)
     tab.page.get_by_text(said).wait_for()
     tab.page.get_by_role("link", name=words["upload"]["your_data"]).click()
@@ -181,21 +189,14 @@ def test_an_upload_says_who_will_see_what(
 
 
 def test_a_drive_without_its_log_says_so(
-    asking: Web,
-    tab_maker: Callable[..., Tab],
-    key_maker: Callable[..., str],
-    enter: Callable[[Tab, str], None],
-    words: dict[str, Any],
+    asking: Web, show: Show, key_maker: Callable[..., str], words: dict[str, Any]
 ) -> None:
-    tab = tab_maker(locale=words["locale"])
-    key = key_maker("desk", "own", "bus fleet")
-    enter(tab, key)
     sent = {"file": ("monday.csv", HEADER + b"1,49,8\n")}
-    headers = {"Authorization": f"Bearer {key}"}
+    headers = {"Authorization": f"Bearer {key_maker('logger', 'own', 'bus fleet')}"}
     drive = asking.client.post("/v1/drives", files=sent, headers=headers).json()["id"]
     gone = "UPDATE drives SET status = 'failed', failure_kind = 'no-match', log_deleted_at = now(), finished_at = now()"
     execute(asking.sessions, gone)
-    tab.page.goto(f"{asking.base}/drives/{drive}", wait_until="networkidle")
+    tab = show(f"drives/{drive}", locale=words["locale"])
     says = words["drive"]
     tab.page.get_by_text(says["log_deleted"].partition("{when}")[2]).wait_for()
     for text in (says["failed"]["retry"], says["again"]["summary"], says["download"]["log"]):
@@ -204,17 +205,9 @@ def test_a_drive_without_its_log_says_so(
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 390])
-def test_it_is_for_everybody(
-    asking: Web,
-    tab_maker: Callable[..., Tab],
-    key_maker: Callable[..., str],
-    enter: Callable[[Tab, str], None],
-    theme: str,
-    width: int,
-) -> None:
-    tab = tab_maker(color_scheme=theme, viewport={"width": width, "height": 844})
-    enter(tab, key_maker("desk", "own", "a fleet that has a long name as well"))
-    tab.page.goto(f"{asking.base}/owner", wait_until="networkidle")
+def test_it_is_for_everybody(show: Show, theme: str, width: int) -> None:
+    owner = "a fleet that has a long name as well"
+    tab = show("owner", owner, color_scheme=theme, viewport={"width": width, "height": 844})
     tab.page.get_by_role("button", name="Add a zone").click()
     tab.page.get_by_role("radio", name="For some days").check()
     assert tab.faults() == []

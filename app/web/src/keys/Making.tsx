@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useId } from "preact/hooks";
 import { dayOf, midnight } from "../shared/days";
-import { errorText } from "../shared/Messages";
+import { useSending } from "../shared/sending";
 import { may, type Scope, session } from "../shared/session";
 import { t } from "../shared/texts";
 import { makeKey, owners } from "./state";
@@ -48,34 +48,18 @@ export function Making() {
   const scope = useSignal<Scope>("upload");
   const owner = useSignal(session()?.owner?.name ?? "");
   const until = useSignal("");
-  const busy = useSignal(false);
-  const why = useSignal<string | null>(null);
-  const make = async () => {
-    busy.value = true;
-    why.value = null;
+  const { busy, submit, failure } = useSending(async () => {
     const expires_at = midnight(until.value, 1);
-    try {
-      await makeKey({
-        label: label.value.trim(),
-        scope: scope.value,
-        ...(owners.value && owner.value ? { owner: owner.value } : {}),
-        ...(expires_at ? { expires_at } : {}),
-      });
-      label.value = "";
-    } catch (error) {
-      why.value = errorText(error);
-    }
-    busy.value = false;
-  };
+    await makeKey({
+      label: label.value.trim(),
+      scope: scope.value,
+      ...(owners.value && owner.value ? { owner: owner.value } : {}),
+      ...(expires_at ? { expires_at } : {}),
+    });
+    label.value = "";
+  });
   return (
-    <form
-      class="card making"
-      aria-labelledby="making"
-      onSubmit={(event) => {
-        event.preventDefault();
-        void make();
-      }}
-    >
+    <form class="card making" aria-labelledby="making" onSubmit={submit}>
       <h2 id="making">{t("keys.make_title")}</h2>
       <label>
         <span>{t("keys.label")}</span>
@@ -112,10 +96,8 @@ export function Making() {
           scope.value = one;
         }}
       />
-      <p class="error-text" role="alert">
-        {why.value}
-      </p>
-      <button type="submit" class="primary" disabled={busy.value}>
+      {failure}
+      <button type="submit" class="primary" disabled={busy}>
         {t("keys.make")}
       </button>
     </form>

@@ -1,35 +1,21 @@
 /** For operators: whose drives and keys there are, and making another owner. */
 import { useSignal } from "@preact/signals";
 import { moment, number } from "../shared/format";
-import { errorText, tellDone } from "../shared/Messages";
+import { tellDone } from "../shared/Messages";
+import { useSending } from "../shared/sending";
 import { t } from "../shared/texts";
 import { makeOwner, owners } from "./state";
 
 function MakeOwner() {
   const name = useSignal("");
-  const busy = useSignal(false);
-  const why = useSignal<string | null>(null);
-  const make = async () => {
-    busy.value = true;
-    why.value = null;
+  const { busy, submit, failure } = useSending(async () => {
     const wanted = name.value.trim();
-    try {
-      await makeOwner(wanted);
-      tellDone(t("keys.owner_made", { name: wanted }));
-      name.value = "";
-    } catch (error) {
-      why.value = errorText(error);
-    }
-    busy.value = false;
-  };
+    await makeOwner(wanted);
+    tellDone(t("keys.owner_made", { name: wanted }));
+    name.value = "";
+  });
   return (
-    <form
-      class="making-owner"
-      onSubmit={(event) => {
-        event.preventDefault();
-        void make();
-      }}
-    >
+    <form class="making-owner" onSubmit={submit}>
       <label>
         <span>{t("keys.owner_name")}</span>
         <input
@@ -41,12 +27,10 @@ function MakeOwner() {
           }}
         />
       </label>
-      <button type="submit" disabled={busy.value}>
+      <button type="submit" disabled={busy}>
         {t("keys.make_owner")}
       </button>
-      <p class="error-text" role="alert">
-        {why.value}
-      </p>
+      {failure}
     </form>
   );
 }

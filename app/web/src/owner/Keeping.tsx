@@ -1,7 +1,8 @@
 /** For how long logs are kept. */
 import { useSignal } from "@preact/signals";
 import { confirmed } from "../shared/Confirm";
-import { errorText, tellDone } from "../shared/Messages";
+import { tellDone } from "../shared/Messages";
+import { useSending } from "../shared/sending";
 import { t } from "../shared/texts";
 import { type Choice, choiceOf, daysOf, isShorter } from "./keeping";
 import { type Figures, saveKeeping } from "./state";
@@ -17,36 +18,22 @@ function holds(days: number | null): string {
 export function Keeping({ of: owner }: { of: Figures }) {
   const choice = useSignal(choiceOf(owner.keep_logs_days));
   const days = useSignal(String(owner.keep_logs_days || 30));
-  const busy = useSignal(false);
-  const why = useSignal<string | null>(null);
+  const wanted = daysOf(choice.value, days.value);
   const save = async () => {
-    const wanted = daysOf(choice.value, days.value);
-    const question = {
+    await saveKeeping(wanted);
+    tellDone(t("owner.saved"));
+  };
+  const agreed = async () =>
+    !isShorter(wanted, owner.logs_kept_days) ||
+    confirmed({
       title: t("owner.keep_title"),
       what: <p>{t("owner.keep_sure")}</p>,
       action: t("owner.save"),
       destructive: true,
-    };
-    if (isShorter(wanted, owner.logs_kept_days) && !(await confirmed(question))) return;
-    busy.value = true;
-    why.value = null;
-    try {
-      await saveKeeping(wanted);
-      tellDone(t("owner.saved"));
-    } catch (error) {
-      why.value = errorText(error);
-    }
-    busy.value = false;
-  };
+    });
+  const { busy, submit, failure } = useSending(save, agreed);
   return (
-    <form
-      class="card keeping"
-      aria-labelledby="keeping"
-      onSubmit={(event) => {
-        event.preventDefault();
-        void save();
-      }}
-    >
+    <form class="card keeping" aria-labelledby="keeping" onSubmit={submit}>
       <h2 id="keeping">{t("owner.keeping")}</h2>
       <p>{t("owner.keeping_what")}</p>
       <fieldset>
@@ -81,10 +68,8 @@ export function Keeping({ of: owner }: { of: Figures }) {
           />
         </label>
       )}
-      <p class="error-text" role="alert">
-        {why.value}
-      </p>
-      <button type="submit" class="primary" disabled={busy.value}>
+      {failure}
+      <button type="submit" class="primary" disabled={busy}>
         {t("owner.save")}
       </button>
     </form>

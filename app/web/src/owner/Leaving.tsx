@@ -1,7 +1,7 @@
 /** Taking all along, and having all removed. */
 import { useSignal } from "@preact/signals";
 import { confirmed } from "../shared/Confirm";
-import { errorText } from "../shared/Messages";
+import { useSending } from "../shared/sending";
 import { t } from "../shared/texts";
 import { ARCHIVE, type Figures, removeOwner } from "./state";
 
@@ -22,33 +22,17 @@ export function Archive() {
 
 function Confirming({ of: { name } }: { of: Figures }) {
   const typed = useSignal("");
-  const busy = useSignal(false);
-  const why = useSignal<string | null>(null);
-  const remove = async () => {
-    const agreed = await confirmed({
+  const remove = async () => location.replace(await removeOwner(name));
+  const agreed = () =>
+    confirmed({
       title: t("owner.remove_title", { name }),
       what: <p>{t("owner.remove_last")}</p>,
       action: t("owner.remove"),
       destructive: true,
     });
-    if (!agreed) return;
-    busy.value = true;
-    why.value = null;
-    try {
-      location.replace(await removeOwner(name));
-    } catch (error) {
-      why.value = errorText(error);
-      busy.value = false;
-    }
-  };
+  const { busy, submit, failure } = useSending(remove, agreed);
   return (
-    <form
-      class="confirming"
-      onSubmit={(event) => {
-        event.preventDefault();
-        void remove();
-      }}
-    >
+    <form class="confirming" onSubmit={submit}>
       <label class="field">
         <span>{t("owner.type_name", { name })}</span>
         <input
@@ -60,12 +44,10 @@ function Confirming({ of: { name } }: { of: Figures }) {
           }}
         />
       </label>
-      <button type="submit" class="danger" disabled={busy.value || typed.value.trim() !== name}>
+      <button type="submit" class="danger" disabled={busy || typed.value.trim() !== name}>
         {t("owner.remove")}
       </button>
-      <p class="error-text" role="alert">
-        {why.value}
-      </p>
+      {failure}
     </form>
   );
 }

@@ -1,6 +1,6 @@
 /** The owner's zones, as a list of fields. */
-import { useSignal } from "@preact/signals";
-import { errorText, tellDone } from "../shared/Messages";
+import { tellDone } from "../shared/Messages";
+import { useSending } from "../shared/sending";
 import { t } from "../shared/texts";
 import { newZone, saveZones, type Zone, zones } from "./state";
 
@@ -54,39 +54,21 @@ function Row({ of: zone, n }: { of: Zone; n: number }) {
 }
 
 export function Zones() {
-  const busy = useSignal(false);
-  const why = useSignal<string | null>(null);
+  const { busy, submit, failure } = useSending(async () => {
+    await saveZones();
+    tellDone(t("owner.saved"));
+  });
   const all = zones.value;
   if (all === null) return null;
-  const save = async () => {
-    busy.value = true;
-    why.value = null;
-    try {
-      await saveZones();
-      tellDone(t("owner.saved"));
-    } catch (error) {
-      why.value = errorText(error);
-    }
-    busy.value = false;
-  };
   return (
-    <form
-      class="card zones"
-      aria-labelledby="zones"
-      onSubmit={(event) => {
-        event.preventDefault();
-        void save();
-      }}
-    >
+    <form class="card zones" aria-labelledby="zones" onSubmit={submit}>
       <h2 id="zones">{t("owner.zones")}</h2>
       <p>{t("owner.zones_what")}</p>
       {all.length === 0 && <p class="quiet-text">{t("owner.zones_none")}</p>}
       {all.map((zone, index) => (
         <Row key={zone.key} of={zone} n={index + 1} />
       ))}
-      <p class="error-text" role="alert">
-        {why.value}
-      </p>
+      {failure}
       <div class="tools">
         <button
           type="button"
@@ -97,7 +79,7 @@ export function Zones() {
         >
           {t("owner.add_zone")}
         </button>
-        <button type="submit" class="primary" disabled={busy.value}>
+        <button type="submit" class="primary" disabled={busy}>
           {t("owner.save_zones")}
         </button>
       </div>

@@ -16,15 +16,14 @@ import numpy as np
 import pytest
 from sqlalchemy import text
 
+from access_support import Keyed, asking_for_keys
 from app.core.settings import Settings
 from app.drives import tracks
 from app.drives.parts.without_ends import rows_of_track
 from app.releases.ends import FARTHEST_M, Circle
 from fusion.types import DrawnMeasurements, Track
-from gate_support import Guarded, make_guarded
 from problem_support import check
 from release_support import LONG, Public, public
-from web_fixtures import served
 
 __all__ = ["public"]
 
@@ -41,7 +40,7 @@ class Trip:
     """A drive of anna's along the street that stops in the middle, with a zone farther on."""
 
     public: Public
-    guarded: Guarded
+    guarded: Keyed
     drive: uuid.UUID
     begin_s: float
 
@@ -112,7 +111,7 @@ def street_track(public: Public, begin_s: float, rows: int) -> Track:
     )
 
 
-def make_trip(public: Public, guarded: Guarded, rows: int = LONG) -> Trip:
+def make_trip(public: Public, guarded: Keyed, rows: int = LONG) -> Trip:
     """A drive of anna's over so many segments of the street, with track and measurements, done."""
     if guarded.owners["anna"] not in public.owners:
         public.owners.append(guarded.owners["anna"])
@@ -136,7 +135,7 @@ def make_trip(public: Public, guarded: Guarded, rows: int = LONG) -> Trip:
     return Trip(public, guarded, drive, begin_s)
 
 
-def set_zone(guarded: Guarded) -> None:
+def set_zone(guarded: Keyed) -> None:
     place = {"type": "Point", "coordinates": [ZONE["lon"], 49.0]}
     zone = {"type": "Feature", "geometry": place, "properties": {"name": "x", "radius_m": ZONE["radius_m"]}}
     document = {"type": "FeatureCollection", "features": [zone]}
@@ -144,13 +143,13 @@ def set_zone(guarded: Guarded) -> None:
 
 
 @pytest.fixture
-def guarded(public: Public, settings: Settings) -> Iterator[Guarded]:
-    with served(settings.model_copy(update={"access": "keys", "public_map": "releases"})) as web:
-        yield make_guarded(web)
+def guarded(public: Public, settings: Settings) -> Iterator[Keyed]:
+    with asking_for_keys(settings, public_map="releases") as guarded:
+        yield guarded
 
 
 @pytest.fixture
-def trip(public: Public, guarded: Guarded) -> Trip:
+def trip(public: Public, guarded: Keyed) -> Trip:
     set_zone(guarded)
     return make_trip(public, guarded)
 
@@ -290,7 +289,7 @@ def test_a_picture_without_ends_is_not_kept(trip: Trip) -> None:
     assert trip.get("profile?f=png", hidden=False).content == whole
 
 
-def test_where_everything_is_hidden_files_are_empty(public: Public, guarded: Guarded) -> None:
+def test_where_everything_is_hidden_files_are_empty(public: Public, guarded: Keyed) -> None:
     trip = make_trip(public, guarded, rows=4)
     assert len(trip.points(hidden=False)) == 4 * SECONDS + 6
     path = trip.get("track").json()["features"]

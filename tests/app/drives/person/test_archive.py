@@ -80,9 +80,9 @@ def test_it_holds_all_as_the_routes_give_it(anna: Anna) -> None:
         f"{waiting}/log/{NAME}",
     }
     assert document(file, "zones.geojson") == ZONES == own.get("/v1/owner/zones").json()
-    assert document(file, "owner.json")["name"] == "A"
+    assert document(file, "owner.json")["name"] == "anna"
     assert document(file, "owner.json")["today"] == own.get("/v1/owner").json()["today"]
-    assert [one["label"] for one in document(file, "keys.json")["keys"]] == ["of a test", "of a test"]
+    assert [one["label"] for one in document(file, "keys.json")["keys"]] == ["anna", "anna upload", "revoked"]
     assert document(file, "webhooks.json")["webhooks"][0]["url"] == "https://example.org/x"
     assert [row["action"] for row in document(file, "audit.json")] == ["zones changed"]
     index = document(file, "index.json")

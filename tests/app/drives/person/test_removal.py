@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import threading
 import uuid
-from contextlib import ExitStack
 from typing import Any
 
 import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
-from access_support import Keyed, keys_of
+from access_support import Keyed, asking_for_keys
 from app.core.blobs import EXPORTS, BlobStore
 from app.core.settings import Settings
 from app.drives import intake
@@ -23,7 +22,6 @@ from person_support import Anna
 from problem_support import check
 from processing_support import carry_out_removals
 from server_support import wait_until
-from web_fixtures import served
 
 OWNED = (
     "drives",
@@ -83,7 +81,7 @@ def furnish(anna: Anna) -> None:
     zones = {"type": "FeatureCollection", "features": [feature]}
     assert own.client.put("/v1/owner/zones", json=zones).status_code == 204
     assert anna.keyed.operator.post(
-        "/v1/keys", json={"label": "x", "scope": "upload", "owner": "A"}
+        "/v1/keys", json={"label": "x", "scope": "upload", "owner": "anna"}
     ).is_success
 
 
@@ -92,7 +90,7 @@ def test_nothing_is_left_of_an_owner_but_a_receipt(anna: Anna) -> None:
     furnish(anna)
     log_in = keyed.web.client.post("/v1/session", json={"key": keyed.a.own.secret})
     cookie = log_in.headers["set-cookie"].partition(";")[0]
-    answer = keyed.a.own.delete("/v1/owner?name=A")
+    answer = keyed.a.own.delete("/v1/owner?name=anna")
     assert answer.status_code == 202, answer.text
     begun = answer.json()
     assert answer.headers["location"].endswith(f"/v1/removals/{begun['id']}")
@@ -101,7 +99,7 @@ def test_nothing_is_left_of_an_owner_but_a_receipt(anna: Anna) -> None:
         "drives": 2,
         "bytes": size,
         "trials": 1,
-        "keys": 3,
+        "keys": 4,
         "sessions": 1,
         "exports": 1,
         "webhooks": 1,
@@ -129,7 +127,7 @@ def test_nothing_is_left_of_an_owner_but_a_receipt(anna: Anna) -> None:
 def test_what_stays_of_the_audit_names_nobody(anna: Anna) -> None:
     keyed = anna.keyed
     furnish(anna)
-    begun = keyed.a.own.delete("/v1/owner?name=A").json()
+    begun = keyed.a.own.delete("/v1/owner?name=anna").json()
     look(keyed)
     query = "SELECT a.owner_id, a.key_id, a.origin, a.detail, a.action, a.at FROM audit_log AS a ORDER BY id"
     kept = rows(keyed.web.sessions, query)
@@ -144,26 +142,26 @@ def test_what_stays_of_the_audit_names_nobody(anna: Anna) -> None:
 
 
 def test_it_has_to_be_confirmed_and_the_operators_owner_stays(keyed: Keyed) -> None:
-    for name in ("", "?name=", "?name=B", "?name=a"):
+    for name in ("", "?name=", "?name=ben", "?name=Anna"):
         path = f"/v1/owner{name}"
         check(keyed.a.own.delete(path), 422)
-    check(keyed.operator.delete(f"/v1/owners/{keyed.a.id}?name=B"), 422)
+    check(keyed.operator.delete(f"/v1/owners/{keyed.a.id}?name=ben"), 422)
     check(keyed.operator.delete("/v1/owner?name=operator"), 403)
     check(keyed.operator.delete("/v1/owners/1?name=operator"), 403)
-    check(keyed.operator.delete("/v1/owners/999?name=A"), 404)
-    check(keyed.b.own.delete(f"/v1/owners/{keyed.a.id}?name=A"), 403)
-    check(keyed.a.upload.delete("/v1/owner?name=A"), 403)
+    check(keyed.operator.delete("/v1/owners/999?name=anna"), 404)
+    check(keyed.b.own.delete(f"/v1/owners/{keyed.a.id}?name=anna"), 403)
+    check(keyed.a.upload.delete("/v1/owner?name=anna"), 403)
     assert keyed.a.own.get("/v1/owner").status_code == 200
     check(keyed.web.client.get(f"/v1/removals/{uuid.uuid4()}"), 404)
 
 
 def test_a_second_request_answers_with_the_same_removal(keyed: Keyed) -> None:
-    path = f"/v1/owners/{keyed.a.id}?name=A"
+    path = f"/v1/owners/{keyed.a.id}?name=anna"
     answers = [keyed.operator.delete(path)]
     owner = keyed.operator.get(f"/v1/owners/{keyed.a.id}").json()
     assert owner["removed_at"] is not None
-    assert owner["name"] != "A"  # it is free
-    assert keyed.operator.post("/v1/owners", json={"name": "A"}).status_code == 201
+    assert owner["name"] != "anna"  # it is free
+    assert keyed.operator.post("/v1/owners", json={"name": "anna"}).status_code == 201
     answers.append(keyed.operator.delete(path))
     look(keyed)
     check(keyed.operator.get(f"/v1/owners/{keyed.a.id}"), 404)
@@ -171,14 +169,14 @@ def test_a_second_request_answers_with_the_same_removal(keyed: Keyed) -> None:
     assert {answer.status_code for answer in answers} == {202}
     assert len({answer.json()["id"] for answer in answers}) == 1
     assert answers[-1].json()["state"] == "done"
-    check(keyed.operator.delete("/v1/owners/999?name=A"), 404)
+    check(keyed.operator.delete("/v1/owners/999?name=anna"), 404)
 
 
 def test_two_at_the_same_moment_are_one(keyed: Keyed) -> None:
     found: list[str] = []
 
     def ask() -> None:
-        answer = keyed.operator.delete(f"/v1/owners/{keyed.a.id}?name=A")
+        answer = keyed.operator.delete(f"/v1/owners/{keyed.a.id}?name=anna")
         found.append(answer.json()["id"])
 
     threads = [threading.Thread(target=ask) for _ in range(4)]
@@ -194,7 +192,7 @@ def test_others_keep_what_they_have(anna: Anna) -> None:
     keyed = anna.keyed
     content = anna.logs[anna.done]
     theirs = keyed.b.own.post("/v1/drives", files={"file": ("b.csv", content)}).json()["id"]
-    keyed.a.own.delete("/v1/owner?name=A")
+    keyed.a.own.delete("/v1/owner?name=anna")
     look(keyed)
     assert keyed.b.own.get(f"/v1/drives/{theirs}/log").content == content
     assert left(keyed, keyed.b.id)["drives"] == 1
@@ -221,7 +219,7 @@ def test_an_upload_that_ends_meanwhile_is_refused_and_leaves_nothing(
     )
     send.start()
     assert arrived.wait(30)
-    keyed.a.own.delete("/v1/owner?name=A")
+    keyed.a.own.delete("/v1/owner?name=anna")
     goes_on.set()
     send.join(30)
     assert "was removed" in check(answers[0], 401)["detail"]
@@ -249,7 +247,7 @@ def test_an_upload_that_commits_just_then_is_waited_for(anna: Anna, monkeypatch:
     send.start()
     assert inside.wait(30)
     removed: list[Any] = []
-    ask = threading.Thread(target=lambda: removed.append(keyed.a.own.delete("/v1/owner?name=A")))
+    ask = threading.Thread(target=lambda: removed.append(keyed.a.own.delete("/v1/owner?name=anna")))
     ask.start()
     waits = "SELECT count(*) FROM pg_stat_activity WHERE wait_event_type = 'Lock'"
     wait_until(lambda: rows(keyed.web.sessions, waits)[0][0] > 0)
@@ -271,7 +269,7 @@ def test_a_request_that_is_cut_off_is_gone_on_with(keyed: Keyed, monkeypatch: py
 
     with monkeypatch.context() as patched:
         patched.setattr(removal, "_cancel_drives", cut_off)
-        begun = keyed.a.own.delete("/v1/owner?name=A")
+        begun = keyed.a.own.delete("/v1/owner?name=anna")
     assert begun.status_code == 202
     assert receipt(keyed, begun.json()["id"])["drives_left"] == 20
     check(keyed.a.own.get("/v1/drives"), 401)
@@ -289,7 +287,7 @@ def test_a_request_that_is_cut_off_is_gone_on_with(keyed: Keyed, monkeypatch: py
 
 
 def test_what_somebody_makes_in_the_last_moment_goes_with_the_next_look(keyed: Keyed) -> None:
-    keyed.a.own.delete("/v1/owner?name=A")
+    keyed.a.own.delete("/v1/owner?name=anna")
     batch = "INSERT INTO batches (owner_id, selection, state, drives_of) VALUES (:a, '{}', 'enqueuing', NULL)"
     execute(keyed.web.sessions, batch, a=keyed.a.id)
     removal.look_after(keyed.web.sessions, exports_of(keyed))
@@ -302,7 +300,7 @@ def test_what_somebody_makes_in_the_last_moment_goes_with_the_next_look(keyed: K
 
 
 def test_a_key_or_session_that_is_made_meanwhile_lets_nobody_in(keyed: Keyed) -> None:
-    keyed.operator.delete(f"/v1/owners/{keyed.a.id}?name=A")
+    keyed.operator.delete(f"/v1/owners/{keyed.a.id}?name=anna")
     late = keyed.holder(keyed.a.id, "own")
     check(late.get("/v1/drives"), 401)
     look(keyed)
@@ -311,15 +309,13 @@ def test_a_key_or_session_that_is_made_meanwhile_lets_nobody_in(keyed: Keyed) ->
 
 def test_where_everybody_reads_editions(settings: Settings) -> None:
     """The roles and schemas of editions are in nobody's way here."""
-    changed = {"access": "keys", "public_map": "releases", "owners_map": "releases"}
-    with ExitStack() as stack:
-        keyed = keys_of(stack.enter_context(served(settings.model_copy(update=changed))), stack)
+    with asking_for_keys(settings, public_map="releases", owners_map="releases") as keyed:
         make_drives(keyed.web.sessions, 3)
         execute(keyed.web.sessions, "UPDATE drives SET owner_id = :a", a=keyed.a.id)
         assert keyed.a.own.get("/v1/owner/archive").status_code == 200
         assert keyed.a.own.get("/v1/owner/zones").status_code == 200
         assert keyed.web.client.get("/v1/session").json()["public_owners"] == 5
-        begun = keyed.a.own.delete("/v1/owner?name=A").json()
+        begun = keyed.a.own.delete("/v1/owner?name=anna").json()
         assert receipt(keyed, begun["id"])["removed"]["drives"] == 3
         look(keyed)
         assert left(keyed, keyed.a.id) == {}

@@ -182,7 +182,7 @@ def test_a_trial_that_waits_keeps_the_log(anna: Anna) -> None:
     assert drive_of(keyed, anna.done)["log_deleted_at"] is not None
     again = keyed.a.own.post(f"/v1/drives/{anna.done}/trials?method=raw")
     assert again.status_code == 200  # what was tried is shown
-    keyed.a.own.delete("/v1/owner?name=A")
+    keyed.a.own.delete("/v1/owner?name=anna")
 
 
 def test_whoever_is_cut_off_between_file_and_note_does_it_again(

@@ -81,7 +81,7 @@ def test_a_row_says_whose_key_it_was(keyed: Keyed) -> None:
         assert holder.delete(f"/v1/drives/{drive}").status_code == 202
     rows = list(reversed(keyed.operator.get("/v1/admin/audit").json()["rows"]))
     assert [(row["owner"], row["key"]) for row in rows] == [
-        ("A", str(keyed.a.own.key_id)),
+        ("anna", str(keyed.a.own.key_id)),
         ("operator", str(keyed.operator.key_id)),
     ]
     assert rows[0]["origin"].startswith("127.0.0.1 python-httpx/")
