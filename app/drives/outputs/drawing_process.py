@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import gc
-import sys
 import traceback
 from multiprocessing.connection import Connection
+
+from app.core.beside import Beside
 
 
 def draw(pipe: Connection) -> None:
@@ -27,4 +28,4 @@ def draw(pipe: Connection) -> None:
 
 
 if __name__ == "__main__":
-    draw(Connection(int(sys.argv[1])))
+    draw(Beside.end_of_pipe())
