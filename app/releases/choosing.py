@@ -12,7 +12,6 @@ from sqlalchemy.orm import Session
 from app.core.caller import TOLD
 from app.core.db import fetch_binary, send_binary
 from app.core.tables import IS_SHOWN
-from fusion.network.drive_constants import ConstantsInformation
 
 # Every pass is looked at, with nobody waiting for it: in memory, and by two processes.
 _ROOM = ("SET LOCAL work_mem = '128MB'", "SET LOCAL max_parallel_workers_per_gather = 1")
@@ -158,12 +157,12 @@ def forget_sums(session: Session, drives: Sequence[uuid.UUID], segments: Sequenc
     session.execute(_FORGET_SUMS, {"segments": list(segments)})
 
 
-def add_constants(session: Session, constants: Mapping[uuid.UUID, tuple[ConstantsInformation, int]]) -> None:
+def add_constants(session: Session, constants: Mapping[uuid.UUID, tuple[bytes, int]]) -> None:
     """Store what drives say of their constants, and by how many passes."""
     columns = {
         "drives": list(constants),
         "passes": [passes for _, passes in constants.values()],
-        "evidence": [said.encode() for said, _ in constants.values()],
+        "evidence": [evidence for evidence, _ in constants.values()],
     }
     send_binary(session, _ADD_CONSTANTS, columns)
 

@@ -6,6 +6,7 @@ import uuid
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import date
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -140,10 +141,11 @@ _ZONES = text("SELECT lon_deg, lat_deg, radius_m FROM owner_zones WHERE owner_id
 _TRACKS = "SELECT drive_id, track FROM drive_tracks WHERE drive_id = ANY(%(ids)s)"
 _ROAD = """s.from_node, s.to_node, ST_X(ST_StartPoint(s.geom)), ST_Y(ST_StartPoint(s.geom)),
            ST_X(ST_EndPoint(s.geom)), ST_Y(ST_EndPoint(s.geom))"""
-_DRIVEN = """
-    SELECT drive_id, sequence, segment_id, entered_s FROM drive_passes
-    WHERE drive_id = ANY(%(ids)s) ORDER BY drive_id, sequence
-"""
+_DRIVEN = f"""
+    SELECT p.drive_id, p.sequence, p.segment_id, {_ROAD}, p.entered_s
+    FROM drive_passes AS p JOIN segments AS s ON s.id = p.segment_id
+    WHERE p.drive_id = ANY(%(ids)s) ORDER BY p.drive_id, p.sequence
+"""  # noqa: S608 - constants
 _ROADS = f"SELECT s.id, {_ROAD} FROM segments AS s WHERE s.id = ANY(%(ids)s::bigint[])"  # noqa: S608 - constants
 # Nodes have no index of their own: their places have.
 _ROADS_AT = """
@@ -203,15 +205,10 @@ def _timed(data: bytes) -> Timed:
 
 
 def driven(session: Session, drive_ids: Sequence[uuid.UUID]) -> dict[uuid.UUID, Driven]:
-    """The passes of those of the drives that have any, over segments that there are."""
+    """The passes of those of the drives that have any."""
     rows = fetch_binary(session, _DRIVEN, {"ids": list(drive_ids)})
-    of_segment = roads(session, sorted({row[2] for row in rows}))
-    passes: dict[uuid.UUID, list[tuple[Any, ...]]] = {}
-    for drive_id, sequence, segment_id, entered_s in rows:
-        if segment_id in of_segment:
-            one = (sequence, segment_id, *of_segment[segment_id], entered_s)
-            passes.setdefault(drive_id, []).append(one)
-    return {drive_id: driven_of(of_drive) for drive_id, of_drive in passes.items()}
+    by_drive = groupby(rows, key=lambda row: row[0])
+    return {drive_id: driven_of([row[1:] for row in of_drive]) for drive_id, of_drive in by_drive}
 
 
 def driven_of(passes: Sequence[tuple[Any, ...]]) -> Driven:

@@ -6,10 +6,13 @@ started again when it has ended. It gets all data of a picture at once and knows
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from threading import Lock
 
 from app.core.admission import RequestClass
-from app.core.beside import Beside
 from app.core.errors import NotReadyError
 from app.drives.outputs import drawing_process
 from app.drives.outputs.profile import Profile
@@ -27,7 +30,8 @@ class Drawing:
         self.request_class = RequestClass(1, most_waiting, LONGEST_WAIT_S)
         """Hold its place before reading the data of a picture: only one at a time is in memory."""
         self._lock = Lock()
-        self._beside: Beside | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._pipe: Connection | None = None
 
     def profile(
         self,
@@ -53,8 +57,7 @@ class Drawing:
             self._stop()
 
     def _draw(self, *picture: Profile | str | DrawnMeasurements | None) -> bytes:
-        self._beside = self._beside or Beside(drawing_process)
-        pipe = self._beside.pipe
+        pipe = self._pipe or self._start()
         pipe.send(picture)
         if not pipe.poll(LONGEST_S):
             self._stop()
@@ -64,7 +67,24 @@ class Drawing:
             raise RuntimeError(f"the picture could not be drawn\n{fault}")
         return bytes(png)
 
+    def _start(self) -> Connection:
+        # Not a copy of this process, whose threads hold locks, and not by multiprocessing, which would load this
+        # program's commands there and start a third process to watch over them. It ends when the pipe closes.
+        ours, theirs = Pipe()
+        with theirs:
+            end = theirs.fileno()
+            self._process = subprocess.Popen(  # noqa: S603 - our own program
+                [sys.executable, "-m", drawing_process.__name__, str(end)],
+                pass_fds=[end],
+                start_new_session=True,
+            )
+        self._pipe = ours
+        return ours
+
     def _stop(self) -> None:
-        if self._beside is not None:
-            self._beside.close()
-        self._beside = None
+        if self._pipe is not None:
+            self._pipe.close()
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+        self._pipe = self._process = None

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import gc
+import sys
 import traceback
 from multiprocessing.connection import Connection
-
-from app.core.beside import Beside
 
 
 def draw(pipe: Connection) -> None:
@@ -28,4 +27,4 @@ def draw(pipe: Connection) -> None:
 
 
 if __name__ == "__main__":
-    draw(Beside.end_of_pipe())
+    draw(Connection(int(sys.argv[1])))

@@ -36,8 +36,9 @@ def drawing() -> Iterator[Drawing]:
 
 
 def pid_of(drawing: Drawing) -> int:
-    assert drawing._beside is not None
-    return drawing._beside.process.pid
+    assert drawing._process is not None
+    assert drawing._process.pid is not None
+    return drawing._process.pid
 
 
 def test_pictures_are_drawn_in_another_process(drawing: Drawing, profile: Profile) -> None:
