@@ -16,6 +16,7 @@ from fusion.network.control import ControlBeliefs, ControlHeights
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.drive_constants import ConstantsInformation, outside_blocks
 from fusion.network.equations import EquationSystem
+from fusion.network.pass_columns import PassColumns, in_order
 from fusion.network.pass_factor import PassFactor
 from fusion.network.road_beliefs import RoadBeliefs
 from fusion.network.segment_slopes import Adjustment, published
@@ -41,11 +42,11 @@ def adjust(
     ``outside`` is what the passes of drives outside the network say about their constants. ``blocks`` are solved
     one by one, with the same result: for networks of any size.
     """
-    everything = [p for d in sorted(drives) for p in drives[d]]
-    road = RoadBeliefs(network, everything)
-    beliefs = DriveBeliefs(drives, road.unknowns)
+    passes = PassColumns.of(drives)
+    road = RoadBeliefs(network, passes)
+    beliefs = DriveBeliefs(passes, road.unknowns, in_order(drives)[1])
     driven = np.zeros(len(network), bool)
-    driven[[p.segment for p in everything]] = True
+    driven[passes.segment] = True
     model = None if terrain is None else TerrainBlocks(road.unknowns, terrain, driven)
     surveyed = None if control is None else ControlBeliefs(road.unknowns, control, road.usual)
     constants = outside_blocks(outside or {}, beliefs.unknowns)
@@ -58,8 +59,7 @@ def adjust(
     if blocks is None:
         system: EquationSystem | BlockedSystem = EquationSystem(beliefs.size, equations, beliefs.late)
     else:
-        rows = {d: np.array([p.segment for p in beliefs.passes[d]], np.int64) for d in beliefs.names}
-        home = homes(blocks.block, road.unknowns, beliefs.unknowns, rows, beliefs.size)
+        home = homes(blocks.block, road.unknowns, beliefs)
         system = BlockedSystem(beliefs.size, equations, home, blocks.executor)
     for number in range(ROUNDS):
         solution = system.solve()

@@ -7,7 +7,7 @@ all had been solved at once. The work on a block is a pure function of arguments
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from fusion.filters.sparse_inverse import Elimination, NormalEquations, fill_reducing_order
+from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.equations import Blocks, EquationSystem, Solution, factorised, pattern_of, right_hand_side
 from fusion.network.pass_factor import CONSTANTS
-from fusion.network.unknowns import DriveUnknowns, RoadUnknowns
+from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
@@ -48,18 +49,12 @@ def bisected(network: RoadTable, most: int, executor: Executor | None = None) ->
     return Partition(block, executor)
 
 
-def homes(
-    block: Ints, road: RoadUnknowns, drives: Mapping[int, DriveUnknowns], rows: Mapping[int, Ints], size: int
-) -> Ints:
-    """The block of each of ``size`` unknowns: that of its segment; -1 for nodes and what a drive has but once.
-
-    ``rows`` are the segments of each drive's passes.
-    """
-    home = np.full(size, -1, np.int64)
+def homes(block: Ints, road: RoadUnknowns, drives: DriveBeliefs) -> Ints:
+    """The block of each unknown: that of its segment; -1 for nodes and what a drive has but once."""
+    home = np.full(drives.size, -1, np.int64)
     home[road.nodes : road.size] = np.repeat(block, road.count)
-    for name, one in drives.items():
-        own = one.of_pass[:, len(CONSTANTS) :]
-        home[own[own >= 0]] = np.broadcast_to(block[rows[name]][:, None], own.shape)[own >= 0]
+    own = drives.of_pass[:, len(CONSTANTS) :]
+    home[own[own >= 0]] = np.broadcast_to(block[drives.passes.segment][:, None], own.shape)[own >= 0]
     return home
 
 
