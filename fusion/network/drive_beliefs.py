@@ -140,12 +140,11 @@ class DriveBeliefs:
             variables = np.concatenate(
                 [road.variables(passes.segment[members]), self.of_pass[members][:, used]], axis=1
             )
-            said = None if factors is None else said_by([factors[k] for k in members.tolist()])
-            blocks = (
-                Blocks.elsewhere(variables)
-                if said is None
-                else Blocks(variables, *said, np.ones(len(members)))
-            )
+            if factors is None:
+                blocks = Blocks.elsewhere(variables, members)
+            else:
+                said = said_by([factors[k] for k in members.tolist()])
+                blocks = Blocks(variables, *said, np.ones(len(members)))
             blocks.asked = Asked.MISFIT
             rows = np.maximum(passes.rows[members], 1).astype(float)
             out.append(PassGroup(members, blocks, passes.square[members], rows))

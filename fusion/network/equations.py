@@ -35,7 +35,8 @@ class Asked(Enum):
 class Blocks:
     """m blocks over k unknowns each: ``variables`` (m, k), ``information`` (m, k, k), ``vector`` (m, k).
 
-    ``weight`` (m,) multiplies both; whoever changes it asks for the next solution.
+    ``weight`` (m,) multiplies both; whoever gives another one, or another vector, asks for the next solution. What is
+    not here, but with who works on the equations, has ``numbers`` (m,) there instead of information and vector.
     """
 
     variables: Ints
@@ -43,12 +44,13 @@ class Blocks:
     vector: Floats
     weight: Floats
     asked: Asked = Asked.NOTHING
+    numbers: Ints | None = None
 
     @classmethod
-    def elsewhere(cls, variables: Ints) -> Blocks:
+    def elsewhere(cls, variables: Ints, numbers: Ints) -> Blocks:
         """Blocks whose information and vector are not here."""
         m, k = variables.shape
-        return cls(variables, np.empty((0, k, k)), np.empty((0, k)), np.ones(m))
+        return cls(variables, np.empty((0, k, k)), np.empty((0, k)), np.ones(m), numbers=numbers)
 
     @classmethod
     def of_rows(
@@ -128,7 +130,7 @@ class EquationSystem:
         self.how = Elimination(pattern, order_with_late(pattern, late))
         self._slots = [self.how.slots(b.variables, keep=True) for b in self.blocks]
 
-    def solve(self) -> Solution:
+    def solve(self, covariances: bool = True) -> Solution:
         """The solution at the present weights. Raises ``ValueError`` where some unknown is not determined."""
         vector = right_hand_side(self.size, self.blocks)
         equations = factorised(self.how, self.blocks, self._slots)
