@@ -112,9 +112,9 @@ def published(
     n = len(u.length_m)
     slope, sigma = np.full(n, np.nan), np.full(n, np.nan)
     kinds = u.by_intervals()
-    *of_slopes, of_nodes = solution.variances([*(_slope_forms(u, mine) for mine in kinds), _node_forms(u)])
-    for mine, variances in zip(kinds, of_slopes, strict=True):
-        variables, weights = _slope_forms(u, mine)
+    forms = [_slope_forms(u, mine) for mine in kinds]
+    *of_slopes, of_nodes = solution.variances([*forms, _node_forms(u)])
+    for mine, (variables, weights), variances in zip(kinds, forms, of_slopes, strict=True):
         rows, *ends = weights.transpose(1, 0, 2)
         x, variance = solution.x[variables], variances[:, 0]
         for moved, own in zip(ends, variances.T[1:], strict=True):
