@@ -35,7 +35,7 @@ import numpy as np
 
 from accuracy.adjustment_drives import Synthetic
 from fusion.network.adjust import adjust
-from fusion.network.blocks import Partition, bisected
+from fusion.network.blockwise.partition import Partition, bisected
 from fusion.network.drive_constants import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment

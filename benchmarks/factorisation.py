@@ -35,6 +35,7 @@ from adjustment import HEIDELBERG, ROUTE_M, driven_rows, inside
 from fusion.filters.sparse_inverse import Elimination, NormalEquations, fill_reducing_order
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.equations import Blocks, right_hand_side
+from fusion.network.pass_columns import PassColumns, in_order
 from fusion.network.road_beliefs import RoadBeliefs
 from fusion.network.subnetwork import gap_rows
 from fusion.roads.osm import read_roads
@@ -60,8 +61,9 @@ def equations(file: Path, count: int) -> tuple[scipy.sparse.csc_matrix, Floats]:
     driven = driven_rows(len(roads), drives)
     use = driven | gap_rows(roads, driven)
     passes = inside(drives, use)
-    road = RoadBeliefs(roads.subset(use), [p for k in sorted(passes) for p in passes[k]])
-    beliefs = DriveBeliefs(passes, road.unknowns)
+    columns = PassColumns.of(passes)
+    road = RoadBeliefs(roads.subset(use), columns)
+    beliefs = DriveBeliefs(columns, road.unknowns, in_order(passes)[1])
     blocks = [b for b in (*road.blocks(), *beliefs.blocks()) if len(b.variables)]
     return _matrix(beliefs.size, blocks), right_hand_side(beliefs.size, blocks)
 

@@ -9,7 +9,7 @@ Why this stands here beside CHOLMOD and SuperLU, which factorise as well: a map 
 * Every published sigma needs the covariance among the unknowns of one segment. ``selected_inverse`` gives those entries
   of the inverse in one sweep over the factor; the libraries give columns, one solve for each unknown.
 * A large network is solved block by block: ``border`` eliminates the inside of a block onto its edge and hands the rest
-  on (``fusion.network.blocks``). The libraries factorise the whole matrix only.
+  on (``fusion.network.blockwise``). The libraries factorise the whole matrix only.
 * The pattern is analysed once for all rounds of weighing, and blocks of equations are added straight into the fronts.
 * It is Python compiled like the rest: nothing is to be built or licensed beside numpy, scipy and numba.
 
@@ -19,6 +19,8 @@ its time and memory (``update``, ``scratch``, ``blocks``);
 """
 
 from __future__ import annotations
+
+from typing import Self
 
 import numpy as np
 import scipy
@@ -106,10 +108,17 @@ class NormalEquations:
     """
 
     def __init__(self, how: Elimination, panels: Floats) -> None:
-        self.how, self._panels = how, panels
+        self.how, self.panels = how, panels
         if not factorise(how.tree, how.open_fronts, panels):
             raise ValueError("the normal equations are not positive definite: some unknown is not determined")
         self._inverse: Floats | None = None
+
+    @classmethod
+    def of_factor(cls, how: Elimination, panels: Floats, inverse: Floats | None = None) -> Self:
+        """Of the ``panels`` that are the factor already, and of the inverse where it was made."""
+        out = cls.__new__(cls)
+        out.how, out.panels, out._inverse = how, panels, inverse
+        return out
 
     @classmethod
     def of(cls, matrix: scipy.sparse.csc_matrix, how: Elimination | None = None) -> NormalEquations:
@@ -129,27 +138,27 @@ class NormalEquations:
     def reduced(self, vector: Floats) -> Floats:
         """The right-hand side after elimination, in its order (n,): the last of it is the border's."""
         x = np.asarray(vector, float)[self.how.order]
-        solve_forward(self.how.tree, self.how.open_fronts, self._panels, x)
+        solve_forward(self.how.tree, self.how.open_fronts, self.panels, x)
         return x
 
     def border_matrix(self) -> Floats:
         """What the eliminated unknowns leave to the border, (border, border)."""
         size = self.how.border
-        lower = np.tril(self._panels[len(self._panels) - size**2 :].reshape(size, size))
+        lower = np.tril(self.panels[len(self.panels) - size**2 :].reshape(size, size))
         return np.asarray(lower + np.tril(lower, -1).T)
 
     def solve_inside(self, reduced: Floats, border: Floats) -> Floats:
         """The solution (n,) from the ``reduced`` right-hand side and the border's solution."""
         x = reduced.copy()
         x[len(x) - self.how.border :] = border
-        solve_backward(self.how.tree, self.how.open_fronts, self._panels, x)
+        solve_backward(self.how.tree, self.how.open_fronts, self.panels, x)
         return np.asarray(x[self.how.place])
 
     def set_border_covariance(self, covariance: Floats) -> Floats:
         """Give the covariance of the border (border, border); returns panels of the inverse, which follow from it."""
-        inverse = np.empty(len(self._panels))
+        inverse = np.empty(len(self.panels))
         inverse[len(inverse) - covariance.size :] = covariance.ravel()
-        selected_inverse(self.how.tree, self.how.open_fronts, self._panels, inverse)
+        selected_inverse(self.how.tree, self.how.open_fronts, self.panels, inverse)
         self._inverse = inverse
         return inverse
 
@@ -158,11 +167,16 @@ class NormalEquations:
         inverse = self.set_border_covariance(np.empty((0, 0))) if self._inverse is None else self._inverse
         slots = self.how.kept_slots(rows)
         if slots is not None:
-            return np.asarray(inverse[slots][:, _both_triangles(rows.shape[1])])
+            return covariance_at(slots, rows.shape[1], inverse)
         where = self.how.place[np.asarray(rows, np.int64)]
         out = np.empty((*where.shape, where.shape[1]))
         gather_blocks(where, self.how.tree, self.how.front_of, inverse, out)
         return out
+
+
+def covariance_at(slots: Ints, size: int, inverse: Floats) -> Floats:
+    """Covariances (m, size, size) of what ``Elimination.slots`` were asked of, from the panels of the inverse."""
+    return np.asarray(inverse[slots][:, _both_triangles(size)])
 
 
 def fill_reducing_order(pattern: scipy.sparse.csc_matrix) -> Ints:

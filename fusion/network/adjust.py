@@ -11,11 +11,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fusion.network.blocks import BlockedSystem, Partition, homes
+from fusion.network.blockwise.owners import grouped
+from fusion.network.blockwise.partition import Partition, PassSource, homes
+from fusion.network.blockwise.system import BlockedSystem, summaries
 from fusion.network.control import ControlBeliefs, ControlHeights
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.drive_constants import ConstantsInformation, outside_blocks
-from fusion.network.equations import EquationSystem
+from fusion.network.equations import Blocks, EquationSystem, Solution
+from fusion.network.pass_columns import PassColumns, in_order
 from fusion.network.pass_factor import PassFactor
 from fusion.network.road_beliefs import RoadBeliefs
 from fusion.network.segment_slopes import Adjustment, published
@@ -41,33 +44,76 @@ def adjust(
     ``outside`` is what the passes of drives outside the network say about their constants. ``blocks`` are solved
     one by one, with the same result: for networks of any size.
     """
-    everything = [p for d in sorted(drives) for p in drives[d]]
-    road = RoadBeliefs(network, everything)
-    beliefs = DriveBeliefs(drives, road.unknowns)
-    driven = np.zeros(len(network), bool)
-    driven[[p.segment for p in everything]] = True
-    model = None if terrain is None else TerrainBlocks(road.unknowns, terrain, driven)
-    surveyed = None if control is None else ControlBeliefs(road.unknowns, control, road.usual)
-    constants = outside_blocks(outside or {}, beliefs.unknowns)
-    equations = [
-        *road.blocks(),
-        *beliefs.blocks(),
-        *constants,
-        *(b for one in (model, surveyed) if one for b in one.blocks()),
-    ]
+    beliefs = _Beliefs(network, PassColumns.of(drives), terrain, control, in_order(drives)[1])
+    equations = [*beliefs.blocks(), *outside_blocks(outside or {}, beliefs.drives.unknowns)]
+    size, late = beliefs.drives.size, beliefs.drives.late
     if blocks is None:
-        system: EquationSystem | BlockedSystem = EquationSystem(beliefs.size, equations, beliefs.late)
-    else:
-        rows = {d: np.array([p.segment for p in beliefs.passes[d]], np.int64) for d in beliefs.names}
-        home = homes(blocks.block, road.unknowns, beliefs.unknowns, rows, beliefs.size)
-        system = BlockedSystem(beliefs.size, equations, home, blocks.executor)
-    for number in range(ROUNDS):
-        solution = system.solve()
-        if number < ROUNDS - 1:
-            road.learn(solution)
-            beliefs.learn(solution, number == 0)
-            if model:
-                model.learn(solution, number == 0)
-            if surveyed:
-                surveyed.learn(solution)
-    return published(road.unknowns, beliefs, model, solution, surveyed)
+        return beliefs.adjustment(EquationSystem(size, equations, late))
+    home = homes(blocks.block, beliefs.road.unknowns, beliefs.drives)
+    return beliefs.adjustment(BlockedSystem(size, equations, home, blocks, late))
+
+
+def adjust_from(
+    source: PassSource,
+    network: RoadTable,
+    blocks: Partition,
+    terrain: Terrain | None = None,
+    control: ControlHeights | None = None,
+) -> Adjustment:
+    """As ``adjust``, in blocks, with passes that whoever works on a block reads there: never are all in one place."""
+    passes = PassColumns.together(summaries(source, blocks))
+    beliefs = _Beliefs(network, passes, terrain, control)
+    home = homes(blocks.block, beliefs.road.unknowns, beliefs.drives)
+    of_block = blocks.block[passes.segment]
+    place = np.empty(len(passes), np.int64)
+    for _, mine in grouped(of_block):
+        place[mine] = np.arange(len(mine))
+    equations = beliefs.blocks()
+    size, late = beliefs.drives.size, beliefs.drives.late
+    system = BlockedSystem(size, equations, home, blocks, late, source, place)
+    system.release()
+    return beliefs.adjustment(system)
+
+
+class _Beliefs:
+    """All that is believed and measured; without ``factors`` what passes say is read elsewhere."""
+
+    def __init__(
+        self,
+        network: RoadTable,
+        passes: PassColumns,
+        terrain: Terrain | None,
+        control: ControlHeights | None,
+        factors: Sequence[PassFactor] | None = None,
+    ) -> None:
+        self.road = RoadBeliefs(network, passes)
+        self.drives = DriveBeliefs(passes, self.road.unknowns, factors)
+        driven = np.zeros(len(network), bool)
+        driven[passes.segment] = True
+        self.model = None if terrain is None else TerrainBlocks(self.road.unknowns, terrain, driven)
+        self.surveyed = None
+        if control is not None:
+            self.surveyed = ControlBeliefs(self.road.unknowns, control, self.road.usual)
+
+    def blocks(self) -> list[Blocks]:
+        """All equations."""
+        others = [b for one in (self.model, self.surveyed) if one for b in one.blocks()]
+        return [*self.road.blocks(), *self.drives.blocks(), *others]
+
+    def adjustment(self, system: EquationSystem | BlockedSystem) -> Adjustment:
+        """Solve and weigh anew, in rounds."""
+        for number in range(ROUNDS):
+            last = number == ROUNDS - 1
+            # What others than equations ask of covariances is asked at the end, and of these.
+            solution = system.solve(covariances=last or bool(self.model or self.surveyed))
+            if not last:
+                self._learn(solution, number == 0)
+        return published(self.road.unknowns, self.drives, self.model, solution, self.surveyed)
+
+    def _learn(self, solution: Solution, first: bool) -> None:
+        self.road.learn(solution)
+        self.drives.learn(solution, first)
+        if self.model:
+            self.model.learn(solution, first)
+        if self.surveyed:
+            self.surveyed.learn(solution)

@@ -6,11 +6,13 @@ one pass to the next have heavy tails, found in rounds of reweighting. What is b
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.network.equations import Blocks, Solution
+from fusion.network.equations import Asked, Blocks, Solution
+from fusion.network.pass_columns import PassColumns
 from fusion.network.pass_factor import (
     CONSTANT_SIGMA,
     EAST,
@@ -19,6 +21,7 @@ from fusion.network.pass_factor import (
     HEIGHT_SENSORS,
     LAG,
     NORTH,
+    NUISANCES,
     PassFactor,
 )
 from fusion.network.unknowns import DriveUnknowns, RoadUnknowns
@@ -42,40 +45,59 @@ LAG_SIGMA_S = 2.0
 """Altimeters' lags about their mean, s."""
 
 
-class DriveBeliefs:
-    """What all drives say: their passes, and how the errors that they carry along hang together."""
+@dataclass(frozen=True, eq=False)
+class PassGroup:
+    """Passes with equal numbers of unknowns: ``members`` (m,) of the table of all, and their equations."""
 
-    def __init__(self, drives: Mapping[int, Sequence[PassFactor]], road: RoadUnknowns) -> None:
-        self.names = sorted(drives)
-        self.passes = {d: sorted(drives[d], key=lambda p: p.sequence) for d in self.names}
+    members: Ints
+    blocks: Blocks
+    square: Floats
+    rows: Floats
+    """How many measurements each sums"""
+
+
+class DriveBeliefs:
+    """What all drives say: their passes, and how the errors that they carry along hang together.
+
+    ``factors`` are the passes of the table one by one; without them what they say is added to the equations elsewhere.
+    """
+
+    def __init__(
+        self, passes: PassColumns, road: RoadUnknowns, factors: Sequence[PassFactor] | None = None
+    ) -> None:
+        self.passes = passes
+        self.names, self.where = passes.of_drives()
+        self.number = np.repeat(np.arange(len(self.names)), [w.stop - w.start for w in self.where])
+        """Of each pass, that of its drive in ``names``"""
         size = road.size
         self.unknowns: dict[int, DriveUnknowns] = {}
-        for d in self.names:
-            self.unknowns[d] = DriveUnknowns(self.passes[d], size)
+        for d, mine in zip(self.names, self.where, strict=True):
+            self.unknowns[d] = DriveUnknowns(passes.take(mine), size)
             size = self.unknowns[d].end
+        self.of_pass = np.concatenate(
+            [np.empty((0, NUISANCES), np.int64), *(u.of_pass for u in self.unknowns.values())]
+        )
         lags = [u.lag for u in self.unknowns.values() if u.lag is not None]
         self.lag_mean = size if lags else None
         self.size = size + bool(lags)
         self.fixed = self._beliefs(lags)
         self.walks = self._walks()
-        self._number = {d: k for k, d in enumerate(self.names)}
         self.pass_scale = np.ones(len(self.names))
-        self.overruled: set[int] = set()
+        self.overruled = np.empty(0, np.int64)
         """Segments whose sums (``fusion.network.condensed``) are accepted no longer"""
-        self.groups = self._groups(road)
+        self.groups = self._groups(road, factors)
 
     def _beliefs(self, lags: list[int]) -> list[Blocks]:
-        out = []
-        for u in self.unknowns.values():
-            kinds = np.array(list(u.constants.items()), np.int64).reshape(-1, 2)
-            kinds = kinds[kinds[:, 1] != LAG]
-            sigma = np.array(CONSTANT_SIGMA)[kinds[:, 1]]
-            out.append(Blocks.of_rows(kinds[:, :1], np.ones((len(kinds), 1)), 0.0, sigma**2))
-            for s in range(len(HEIGHT_SENSORS)):
-                first = u.of_pass[u.of_pass[:, ENTRY.start + s] >= 0, ENTRY.start + s][:1]
-                out.append(
-                    Blocks.of_rows(first[:, None], np.ones((len(first), 1)), 0.0, START_SIGMA_M[s] ** 2)
-                )
+        every = [q for u in self.unknowns.values() for q in u.constants.items()]
+        kinds = np.array(every, np.int64).reshape(-1, 2)
+        kinds = kinds[kinds[:, 1] != LAG]
+        sigma = np.array(CONSTANT_SIGMA)[kinds[:, 1]]
+        out = [Blocks.of_rows(kinds[:, :1], np.ones((len(kinds), 1)), 0.0, sigma**2)]
+        for s, start_m in enumerate(START_SIGMA_M):
+            known = np.flatnonzero(self.of_pass[:, ENTRY.start + s] >= 0)
+            _, first = np.unique(self.number[known], return_index=True)
+            begin = self.of_pass[known[first], ENTRY.start + s]
+            out.append(Blocks.of_rows(begin[:, None], np.ones((len(begin), 1)), 0.0, start_m**2))
         if lags:
             out.append(
                 Blocks.of_rows(
@@ -89,12 +111,9 @@ class DriveBeliefs:
     def _walks(self) -> Blocks:
         """From one pass to the next an error walks on; over a second, where the passes meet."""
         pairs, variance, series = [np.empty((0, 2), np.int64)], [np.empty(0)], [np.empty(0, np.int64)]
-        for d in self.names:
-            u, passes = self.unknowns[d], self.passes[d]
-            first_s, last_s = (
-                np.array([getattr(p, f"{n}_time_s") for p in passes]) for n in ("first", "last")
-            )
-            rate = np.array([p.walk_m2_per_s for p in passes])
+        for mine, u in zip(self.where, self.unknowns.values(), strict=True):
+            first_s, last_s = self.passes.first_time_s[mine], self.passes.last_time_s[mine]
+            rate = self.passes.walk_m2_per_s[mine]
             for s in range(len(HEIGHT_SENSORS)):
                 before, after = u.joints(s)
                 pairs.append(
@@ -105,30 +124,30 @@ class DriveBeliefs:
                 series.append(np.full(len(before), len(series)))
         self.walk_series = np.concatenate(series)
         self.walk_scale = np.ones(len(series) + 1)
-        return Blocks.of_rows(np.concatenate(pairs), np.array([-1.0, 1.0]), 0.0, np.concatenate(variance))
+        out = Blocks.of_rows(np.concatenate(pairs), np.array([-1.0, 1.0]), 0.0, np.concatenate(variance))
+        out.asked = Asked.EXPECTED
+        return out
 
-    def _groups(self, road: RoadUnknowns) -> list[tuple[list[tuple[int, int]], Blocks, Floats, Floats]]:
-        """Passes with equal numbers of unknowns: which, their blocks, squares and numbers of measurements."""
-        by_size: dict[tuple[int, bytes], list[tuple[int, int]]] = {}
-        for d in self.names:
-            used = self.unknowns[d].of_pass >= 0
-            for k, one in enumerate(self.passes[d]):
-                by_size.setdefault((len(one.vector), used[k].tobytes()), []).append((d, k))
+    def _groups(self, road: RoadUnknowns, factors: Sequence[PassFactor] | None) -> list[PassGroup]:
+        """Passes with equal numbers of unknowns, those first that come first."""
+        passes = self.passes
+        shape = (passes.knots << NUISANCES) + passes.used @ (1 << np.arange(NUISANCES))
+        _, first, which = np.unique(shape, return_index=True, return_inverse=True)
         out = []
-        for (size, used_bytes), members in by_size.items():
-            factors = [self.passes[d][k] for d, k in members]
-            used = np.frombuffer(used_bytes, bool)
-            columns = np.flatnonzero(np.concatenate([np.ones(size - used.size, bool), used]))
-            own = np.array([self.unknowns[d].of_pass[k] for d, k in members])[:, used]
-            rows = np.array([f.segment for f in factors])
-            blocks = Blocks(
-                np.concatenate([road.variables(rows), own], axis=1),
-                np.array([f.information for f in factors])[:, columns[:, None], columns],
-                np.array([f.vector for f in factors])[:, columns],
-                np.ones(len(members)),
+        for number in np.argsort(first).tolist():
+            members = np.flatnonzero(which == number)
+            used = passes.used[members[0]]
+            variables = np.concatenate(
+                [road.variables(passes.segment[members]), self.of_pass[members][:, used]], axis=1
             )
-            squares = np.array([f.square for f in factors])
-            out.append((members, blocks, squares, np.array([max(f.rows, 1) for f in factors], float)))
+            if factors is None:
+                blocks = Blocks.elsewhere(variables, members)
+            else:
+                said = said_by([factors[k] for k in members.tolist()])
+                blocks = Blocks(variables, *said, np.ones(len(members)))
+            blocks.asked = Asked.MISFIT
+            rows = np.maximum(passes.rows[members], 1).astype(float)
+            out.append(PassGroup(members, blocks, passes.square[members], rows))
         return out
 
     @property
@@ -141,7 +160,7 @@ class DriveBeliefs:
 
     def blocks(self) -> list[Blocks]:
         """All equations."""
-        return [*self.fixed, self.walks, *(b for _, b, _, _ in self.groups)]
+        return [*self.fixed, self.walks, *(group.blocks for group in self.groups)]
 
     def learn(self, solution: Solution, first: bool) -> None:
         """Weigh passes and the ways between them by what the solution says of them.
@@ -149,21 +168,21 @@ class DriveBeliefs:
         After the ``first`` solution only the ways: a jump between two passes tears at both until it is let go.
         """
         if len(self.walks.variables):
-            self._learn_walks(self.walks.expected_squares(solution))
+            self._learn_walks(solution.expected_squares(self.walks))
         if first:
             return
         misfits = self.misfits(solution)
         self._learn_scales(misfits)
         self._learn_overruled(misfits)
-        for (members, blocks, _, _), misfit in zip(self.groups, misfits, strict=True):
-            blocks.weight = _pass_weight(misfit, self._scales_of(members))
-            if self.overruled:
-                passes = [self.passes[d][k] for d, k in members]
-                blocks.weight[[p.condensed > 0 and p.segment in self.overruled for p in passes]] = 0.0
+        for group, misfit in zip(self.groups, misfits, strict=True):
+            weight = _pass_weight(misfit, self.pass_scale[self.number[group.members]])
+            told = self.passes.condensed[group.members] > 0
+            weight[told & np.isin(self.passes.segment[group.members], self.overruled)] = 0.0
+            group.blocks.weight = weight
 
     def _learn_scales(self, misfits: list[Floats]) -> None:
         """How much worse each drive's passes fit than it believes of itself: its place, and what it has no model of."""
-        number = np.concatenate([[self._number[d] for d, _ in g[0]] for g in self.groups])
+        number = np.concatenate([self.number[group.members] for group in self.groups])
         misfit = np.concatenate(misfits)
         order = np.argsort(number, kind="stable")
         first = np.searchsorted(number[order], np.arange(len(self.names) + 1))
@@ -173,18 +192,16 @@ class DriveBeliefs:
     def _learn_overruled(self, misfits: list[Floats]) -> None:
         """Where most of the passes contradict a solution with a sum in it, the sum goes: the newest drives know what
         the road is now. Else what is new would be rejected for ever, since it never becomes the most."""
-        condensed = {p.segment for passes in self.passes.values() for p in passes if p.condensed}
-        against = dict.fromkeys(condensed, 0)
-        for (members, _, _, _), misfit in zip(self.groups if condensed else (), misfits, strict=False):
-            contradicts = misfit > REJECT_SIGMAS**2 * self._scales_of(members)
-            for (d, k), wrong in zip(members, contradicts.tolist(), strict=True):
-                one = self.passes[d][k]
-                if one.segment in condensed and not one.condensed:
-                    against[one.segment] += 1 if wrong else -1
-        self.overruled |= {segment for segment, most in against.items() if most > 0}
-
-    def _scales_of(self, members: list[tuple[int, int]]) -> Floats:
-        return np.array([self.pass_scale[self._number[d]] for d, _ in members])
+        condensed, segment = self.passes.condensed > 0, self.passes.segment
+        if not condensed.any():
+            return
+        members = np.concatenate([group.members for group in self.groups])
+        contradicts = np.concatenate(misfits) > REJECT_SIGMAS**2 * self.pass_scale[self.number[members]]
+        recent = ~condensed[members]
+        against = np.bincount(segment[members][recent], np.where(contradicts[recent], 1.0, -1.0))
+        sums = np.unique(segment[condensed])
+        sums = sums[sums < len(against)]
+        self.overruled = np.union1d(self.overruled, sums[against[sums] > 0])
 
     def _learn_walks(self, squares: Floats) -> None:
         """How much each drive's errors walk beyond what it knew of itself, and where they jump."""
@@ -202,11 +219,19 @@ class DriveBeliefs:
         """Chi-square of each pass for each of its measurements, group by group."""
         return [
             np.maximum(
-                square - 2 * np.sum(b.vector * solution.x[b.variables], axis=1) + b.squares(solution.x), 0.0
+                group.square - 2 * solution.products(group.blocks) + solution.squares(group.blocks), 0.0
             )
-            / rows
-            for _, b, square, rows in self.groups
+            / group.rows
+            for group in self.groups
         ]
+
+
+def said_by(factors: Sequence[PassFactor]) -> tuple[Floats, Floats]:
+    """Information and vectors of passes with equal unknowns, over the knots and what they use of the drive's own."""
+    used = factors[0].used
+    columns = np.flatnonzero(np.append(np.ones(len(factors[0].vector) - NUISANCES, np.bool_), used))
+    information = np.array([f.information for f in factors])[:, columns[:, None], columns]
+    return information, np.array([f.vector for f in factors])[:, columns]
 
 
 def _scale(misfit: Floats) -> float:

@@ -5,7 +5,9 @@ Knows where things stand, not what is believed or measured of them (``adjust``).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Protocol
 
 import numpy as np
@@ -19,17 +21,36 @@ RIDGE = 1e-10
 """Share of the diagonal that is added where rounding has left the equations not quite positive definite."""
 
 
+class Asked(Enum):
+    """What is asked of every solution about some equations."""
+
+    NOTHING = 0
+    EXPECTED = 1
+    """``Solution.expected_squares``"""
+    MISFIT = 2
+    """``Solution.squares`` and ``Solution.products``"""
+
+
 @dataclass(eq=False)
 class Blocks:
     """m blocks over k unknowns each: ``variables`` (m, k), ``information`` (m, k, k), ``vector`` (m, k).
 
-    ``weight`` (m,) multiplies both; whoever changes it asks for the next solution.
+    ``weight`` (m,) multiplies both; whoever gives another one, or another vector, asks for the next solution. What is
+    not here, but with who works on the equations, has ``numbers`` (m,) there instead of information and vector.
     """
 
     variables: Ints
     information: Floats
     vector: Floats
     weight: Floats
+    asked: Asked = Asked.NOTHING
+    numbers: Ints | None = None
+
+    @classmethod
+    def elsewhere(cls, variables: Ints, numbers: Ints) -> Blocks:
+        """Blocks whose information and vector are not here."""
+        m, k = variables.shape
+        return cls(variables, np.empty((0, k, k)), np.empty((0, k)), np.ones(m), numbers=numbers)
 
     @classmethod
     def of_rows(
@@ -49,10 +70,14 @@ class Blocks:
         here = x[self.variables]
         return np.asarray(np.einsum("mi,mij,mj->m", here, self.information, here))
 
-    def expected_squares(self, solution: Solution) -> Floats:
-        """The same expected under the solution's covariance."""
-        spread = np.einsum("mij,mji->m", self.information, solution.equations.covariance(self.variables))
-        return np.asarray(self.squares(solution.x) + np.maximum(spread, 0.0))
+    def products(self, x: Floats) -> Floats:
+        """x' vector of each block at a solution, (m,)."""
+        return np.asarray(np.sum(self.vector * x[self.variables], axis=1))
+
+    def expected_squares(self, x: Floats, covariance: Floats) -> Floats:
+        """Their squares expected under covariances (m, k, k)."""
+        spread = np.einsum("mij,mji->m", self.information, covariance)
+        return np.asarray(self.squares(x) + np.maximum(spread, 0.0))
 
 
 class Covariances(Protocol):
@@ -68,6 +93,32 @@ class Solution:
     x: Floats
     equations: Covariances
 
+    def squares(self, blocks: Blocks) -> Floats:
+        """x' information x of each block, (m,)."""
+        return blocks.squares(self.x)
+
+    def products(self, blocks: Blocks) -> Floats:
+        """x' vector of each block, (m,)."""
+        return blocks.products(self.x)
+
+    def expected_squares(self, blocks: Blocks) -> Floats:
+        """The squares expected under the covariance, (m,)."""
+        return blocks.expected_squares(self.x, self.equations.covariance(blocks.variables))
+
+    def variances(self, forms: Sequence[Forms]) -> list[Floats]:
+        """Of linear forms: weights (m, q, k) over unknowns (m, k) that share an equation; (m, q) for each."""
+        return [form_variances(self.equations.covariance(rows), weights) for rows, weights in forms]
+
+
+Forms = tuple[Ints, Floats]
+"""Unknowns (m, k) and weights (m, q, k) of q linear forms over each row of them."""
+
+
+def form_variances(covariance: Floats, weights: Floats) -> Floats:
+    """Variances (m, q) of linear forms (m, q, k) under covariances (m, k, k)."""
+    every = [np.einsum("mi,mij,mj->m", w, covariance, w) for w in weights.transpose(1, 0, 2)]
+    return np.column_stack(every)
+
 
 class EquationSystem:
     """The sum of ``Blocks`` over ``size`` unknowns; each of ``late`` is eliminated after all that it occurs with."""
@@ -76,17 +127,17 @@ class EquationSystem:
         self.size = size
         self.blocks = [b for b in blocks if len(b.variables)]
         pattern = pattern_of(size, [b.variables for b in self.blocks])
-        self.how = Elimination(pattern, _order(pattern, late))
+        self.how = Elimination(pattern, order_with_late(pattern, late))
         self._slots = [self.how.slots(b.variables, keep=True) for b in self.blocks]
 
-    def solve(self) -> Solution:
+    def solve(self, covariances: bool = True) -> Solution:
         """The solution at the present weights. Raises ``ValueError`` where some unknown is not determined."""
         vector = right_hand_side(self.size, self.blocks)
         equations = factorised(self.how, self.blocks, self._slots)
         return Solution(equations.solve(vector), equations)
 
 
-def _order(pattern: scipy.sparse.csc_matrix, late: Ints) -> Ints:
+def order_with_late(pattern: scipy.sparse.csc_matrix, late: Ints) -> Ints:
     """An order of elimination (size,): the ``late`` stay out of the search for little fill, which they would mislead,
     for they join what lies far apart; each then follows the last one that it occurs with."""
     size = pattern.shape[0]

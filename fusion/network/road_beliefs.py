@@ -5,17 +5,15 @@ Heavy tails are Student's t, found in rounds of reweighting. Drives and elevatio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy import sparse
 
 from fusion.arrays import counted
 from fusion.frames import METRES_PER_DEGREE
 from fusion.network.curve import RANDOM_WALK_M, smoothness_block
-from fusion.network.equations import Blocks, Solution
+from fusion.network.equations import Asked, Blocks, Solution
 from fusion.network.joints import couplings
-from fusion.network.pass_factor import PassFactor
+from fusion.network.pass_columns import PassColumns
 from fusion.network.subnetwork import joined_parts
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
@@ -55,7 +53,7 @@ _CORNERS = ((0, 0), (0, 1), (1, 0), (1, 1))
 class RoadBeliefs:
     """What is believed of roads: nodes agree, grades go on, and walk at random in between."""
 
-    def __init__(self, network: RoadTable, passes: Sequence[PassFactor]) -> None:
+    def __init__(self, network: RoadTable, passes: PassColumns) -> None:
         self.unknowns = u = RoadUnknowns(network)
         rows = np.arange(len(network))
         ends = [
@@ -63,6 +61,7 @@ class RoadBeliefs:
             for node, at in ((u.start_node, False), (u.end_node, True))
         ]
         self.ties = Blocks.of_rows(np.concatenate(ends), np.array([-1.0, 1.0]), 0.0, NODE_SIGMA_M**2)
+        self.ties.asked = Asked.EXPECTED
         c = couplings(network)
         pair = np.column_stack([u.end(c.row_a, c.end_a) + 1, u.end(c.row_b, c.end_b) + 1])
         sign = np.column_stack([np.ones(len(pair)), np.where(c.end_a == c.end_b, 1.0, -1.0)])
@@ -78,15 +77,15 @@ class RoadBeliefs:
         self._row, self._step = row, step = counted(u.intervals)
         first = u.first[row] + 2 * step
         self._places = Places(network)
-        measured = [p for p in passes if p.rows]  # the others know nothing of roads
-        told = [p for p in measured if p.grade_length_m]
-        lengths = _as_drives_learned(self._places, told, "grade_length_m", RANDOM_WALK_M)
+        measured = passes.take(passes.rows > 0)  # the others know nothing of roads
+        told = measured.take(measured.grade_length_m > 0)
+        lengths = _as_drives_learned(self._places, told, told.grade_length_m, RANDOM_WALK_M)
         unit = smoothness_block((u.length_m / u.intervals)[row], self._places.at_rows(lengths)[row])
         none = np.zeros((len(row), 4))
-        self.roughness = Blocks(first[:, None] + np.arange(4), unit, none, np.ones(len(row)))
+        self.roughness = Blocks(first[:, None] + np.arange(4), unit, none, np.ones(len(row)), Asked.EXPECTED)
         _, kind = np.unique(network.highway.astype(str), return_inverse=True)
         self._places_of_class = Places(network, kind)
-        learned = _as_drives_learned(self._places, measured, "roughness", DEFAULT_ROUGHNESS)
+        learned = _as_drives_learned(self._places, measured, measured.roughness, DEFAULT_ROUGHNESS)
         self._begin = np.clip(learned, *ROUGHNESS_BOUNDS)
         self.usual = self._places.at_rows(self._begin)
         """The usual roughness about each segment (n,), 1/m"""
@@ -101,9 +100,9 @@ class RoadBeliefs:
         """Weigh ties and intervals by what the solution says that they do; and the usual roughness itself."""
         # About where heights were found to be, so that they are not drawn to 0.
         self.levels.vector = solution.x[self.levels.variables]
-        squares = self.ties.expected_squares(solution)
+        squares = solution.expected_squares(self.ties)
         self.ties.weight = (NODE_FREEDOM + 1) / (NODE_FREEDOM + squares)
-        change = np.maximum(self.roughness.expected_squares(solution), 0.0)
+        change = np.maximum(solution.expected_squares(self.roughness), 0.0)
         self._learn_usual(change)
         usual = self.usual[self._row]
         seen = (ROUGHNESS_FREEDOM + 2) / (ROUGHNESS_FREEDOM * usual + change)
@@ -124,13 +123,13 @@ class RoadBeliefs:
             self.usual = place * of_class.at_rows(more)
 
 
-def _as_drives_learned(places: Places, passes: Sequence[PassFactor], name: str, default: float) -> Floats:
+def _as_drives_learned(places: Places, passes: PassColumns, learned: Floats, default: float) -> Floats:
     """The mean (of logs) of what drives learned of themselves about each place (c,); far from all, that of all."""
-    row = np.array([p.segment for p in passes], np.int64)
-    count = np.array([max(p.condensed, 1) for p in passes] or [1], float)
-    learned = count * np.log([getattr(p, name) for p in passes] or [default])
-    total = places.sums(row, learned[: len(row)]) + FAR_SHARE * learned.sum() / count.sum()
-    return np.asarray(np.exp(total / (places.sums(row, count[: len(row)]) + FAR_SHARE)))
+    row, count = passes.segment, np.maximum(passes.condensed, 1).astype(float)
+    weighed = count * np.log(learned)
+    far = FAR_SHARE * weighed.sum() / count.sum() if len(row) else FAR_SHARE * np.log(default)
+    total = places.sums(row, weighed) + far
+    return np.asarray(np.exp(total / (places.sums(row, count) + FAR_SHARE)))
 
 
 def _level_information(u: RoadUnknowns) -> Floats:
@@ -140,13 +139,12 @@ def _level_information(u: RoadUnknowns) -> Floats:
     return np.asarray(LEVEL_SIGMA_M**-2.0 / knots[part[u.start_node]])
 
 
-def _open_intervals(u: RoadUnknowns, row: Ints, step: Ints, passes: Sequence[PassFactor]) -> Bools:
+def _open_intervals(u: RoadUnknowns, row: Ints, step: Ints, passes: PassColumns) -> Bools:
     """Which intervals (m,), by row and number there, no pass goes over: between the first and last place on a segment
     that any pass reaches, all count as driven."""
     low, high = np.full(len(u.length_m), np.inf), np.full(len(u.length_m), -np.inf)
-    of_pass = np.array([p.segment for p in passes], np.int64)
-    np.minimum.at(low, of_pass, [p.start_m for p in passes])
-    np.maximum.at(high, of_pass, [p.end_m for p in passes])
+    np.minimum.at(low, passes.segment, passes.start_m)
+    np.maximum.at(high, passes.segment, passes.end_m)
     middle = (step + 0.5) / u.intervals[row] * u.length_m[row]
     return np.asarray((middle < low[row]) | (middle > high[row]), np.bool_)
 

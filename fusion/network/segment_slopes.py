@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from fusion.network.combine import NETWORK_ONLY, SlopePart
 from fusion.network.control import ControlBeliefs
 from fusion.network.curve import place_rows, slope_rows
 from fusion.network.drive_beliefs import REJECT_SIGMAS, DriveBeliefs
-from fusion.network.equations import Solution
+from fusion.network.equations import Forms, Solution
+from fusion.network.pass_columns import PassColumns
 from fusion.network.steepest import steepest
 from fusion.network.terrain import TerrainBlocks
 from fusion.network.unknowns import RoadUnknowns
@@ -26,6 +28,19 @@ at a crossfall of 2.5 %, which curves turn round."""
 KNOWN_SIGMA_M = 500.0
 """Heights less sure than this are unknown: no sensor of heights, elevation model or control point speaks of them. The
 pressure of an unknown day still tells them to 300 m (``drive_beliefs.START_SIGMA_M``)."""
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedPasses:
+    """All passes (m,): whether each agrees with the solution, and how much it counted there, 1: as it states."""
+
+    passes: PassColumns
+    accepted: Bools
+    weight: Floats
+
+    def names(self) -> Iterator[tuple[int, int]]:
+        """Drive and sequence of each."""
+        return zip(self.passes.drive.tolist(), self.passes.sequence.tolist(), strict=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +66,7 @@ class Adjustment:
     """Passes that are accepted"""
     rejected: Ints
     """Passes that are not"""
-    accepted: dict[tuple[int, int], bool]
-    """Whether each pass, by drive and sequence, agrees with the solution"""
-    weight: dict[tuple[int, int], float]
-    """How much each pass counted in the solution, 1: as it states"""
+    judged: JudgedPasses
     lag_s: dict[int, float]
     """By drive, how late its altimeter is; only of drives that have one"""
     lag_mean_s: float
@@ -63,6 +75,16 @@ class Adjustment:
     model: TerrainBlocks | None
     remarks: list[str]
     """Sentences on control points that the drives contradict"""
+
+    @cached_property
+    def accepted(self) -> dict[tuple[int, int], bool]:
+        """Whether each pass, by drive and sequence, agrees with the solution."""
+        return dict(zip(self.judged.names(), self.judged.accepted.tolist(), strict=True))
+
+    @cached_property
+    def weight(self) -> dict[tuple[int, int], float]:
+        """How much each pass counted in the solution, by drive and sequence, 1: as it states."""
+        return dict(zip(self.judged.names(), self.judged.weight.tolist(), strict=True))
 
     def parts(self, drives: Sequence[int]) -> list[SlopePart | None]:
         """The network's part in each segment's slope, None without one; ``drives`` (n,) are those accepted there."""
@@ -89,27 +111,27 @@ def published(
     """Slopes with their sigmas, and which passes are accepted."""
     n = len(u.length_m)
     slope, sigma = np.full(n, np.nan), np.full(n, np.nan)
-    for mine in u.by_intervals():
-        variables, length = u.variables(mine), u.length_m[mine]
-        covariance, x = solution.equations.covariance(variables), solution.x[variables]
-        rows = slope_rows(np.zeros(len(mine)), length, length)
-        variance = np.einsum("mi,mij,mj->m", rows, covariance, rows)
-        for moved in place_rows(length):
-            variance += PLACE_SIGMA_M**2 * (
-                np.sum(moved * x, axis=1) ** 2 + np.einsum("mi,mij,mj->m", moved, covariance, moved)
-            )
-        variance += lane_variance(length)
+    kinds = u.by_intervals()
+    forms = [_slope_forms(u, mine) for mine in kinds]
+    *of_slopes, of_nodes = solution.variances([*forms, _node_forms(u)])
+    for mine, (variables, weights), variances in zip(kinds, forms, of_slopes, strict=True):
+        rows, *ends = weights.transpose(1, 0, 2)
+        x, variance = solution.x[variables], variances[:, 0]
+        for moved, own in zip(ends, variances.T[1:], strict=True):
+            variance += PLACE_SIGMA_M**2 * (np.sum(moved * x, axis=1) ** 2 + own)
+        variance += lane_variance(u.length_m[mine])
         slope[mine], sigma[mine] = 100 * np.sum(rows * x, axis=1), 100 * np.sqrt(variance)
-    passes = _passes(beliefs, solution)
-    share, observations = _driven(passes, u.length_m)
+    judged = _judged(beliefs, solution)
+    share, observations = _driven(judged, u.length_m)
+    count = np.maximum(judged.passes.condensed, 1)
     accepted, rejected = (
-        np.bincount(passes.segment[v], passes.count[v], minlength=n).astype(np.int64)
-        for v in (passes.accepted, ~passes.accepted)
+        np.bincount(judged.passes.segment[v], count[v], minlength=n).astype(np.int64)
+        for v in (judged.accepted, ~judged.accepted)
     )
     lags = {d: float(solution.x[q.lag]) for d, q in beliefs.unknowns.items() if q.lag is not None}
     mean = np.nan if beliefs.lag_mean is None else float(solution.x[beliefs.lag_mean])
     unknown = ~np.isfinite(slope + sigma)
-    heights = _node_heights(u, solution)
+    heights = _node_heights(u, solution, of_nodes[:, 0])
     heights[:, unknown | ~(heights[2] < KNOWN_SIGMA_M)] = np.nan
     stretch = steepest(solution.x, u.first, u.intervals, u.length_m)
     stretch[:, unknown] = np.nan
@@ -126,8 +148,7 @@ def published(
         observations=observations,
         passes=accepted,
         rejected=rejected,
-        accepted=dict(zip(passes.names, passes.accepted.tolist(), strict=True)),
-        weight=dict(zip(passes.names, passes.weight.tolist(), strict=True)),
+        judged=judged,
         lag_s=lags,
         lag_mean_s=mean,
         solution=solution,
@@ -142,49 +163,40 @@ def lane_variance(length_m: Floats) -> Floats:
     return np.asarray(2 * (LANE_SIGMA_M / length_m) ** 2 * (1 - np.exp(-length_m / LANE_LENGTH_M)))
 
 
-def _node_heights(u: RoadUnknowns, solution: Solution) -> Floats:
+def _slope_forms(u: RoadUnknowns, mine: Ints) -> Forms:
+    """The slopes of segments with equal numbers of intervals, and how they change when either end moves."""
+    length = u.length_m[mine]
+    every = [slope_rows(np.zeros(len(mine)), length, length), *place_rows(length)]
+    return u.variables(mine), np.stack(every, axis=1)
+
+
+def _node_forms(u: RoadUnknowns) -> Forms:
+    """The heights of nodes."""
+    return np.arange(u.nodes)[:, None], np.ones((u.nodes, 1, 1))
+
+
+def _node_heights(u: RoadUnknowns, solution: Solution, variance: Floats) -> Floats:
     """Heights at from_node and to_node of every segment, and the larger of their sigmas, shape (3, n)."""
-    variance = solution.equations.covariance(np.arange(u.nodes)[:, None])[:, 0, 0]
     worse = np.maximum(variance[u.start_node], variance[u.end_node])
     return np.array([solution.x[u.start_node], solution.x[u.end_node], np.sqrt(worse)])
 
 
-@dataclass(frozen=True, eq=False)
-class _Passes:
-    """All passes with whether each is rejected: names (drive, sequence), and columns of shape (m,)."""
-
-    names: list[tuple[int, int]]
-    segment: Ints
-    observations: Ints
-    start_m: Floats
-    end_m: Floats
-    accepted: Bools
-    weight: Floats
-    count: Ints
-    """How many passes each is: one, or those of a sum"""
-
-
-def _passes(beliefs: DriveBeliefs, solution: Solution) -> _Passes:
-    members = [(d, beliefs.passes[d][k]) for group, _, _, _ in beliefs.groups for d, k in group]
-    rejected = [
-        (misfit <= REJECT_SIGMAS**2) & (blocks.weight > 0)
-        for (_, blocks, _, _), misfit in zip(beliefs.groups, beliefs.misfits(solution), strict=True)
+def _judged(beliefs: DriveBeliefs, solution: Solution) -> JudgedPasses:
+    accepted = [
+        (misfit <= REJECT_SIGMAS**2) & (group.blocks.weight > 0)
+        for group, misfit in zip(beliefs.groups, beliefs.misfits(solution), strict=True)
     ]
-    return _Passes(
-        [(d, p.sequence) for d, p in members],
-        np.array([p.segment for _, p in members], np.int64),
-        np.array([p.observations for _, p in members], np.int64),
-        np.array([p.start_m for _, p in members], float),
-        np.array([p.end_m for _, p in members], float),
-        np.concatenate([np.empty(0, np.bool_), *rejected]),
-        np.concatenate([np.empty(0), *(blocks.weight for _, blocks, _, _ in beliefs.groups)]),
-        np.array([max(p.condensed, 1) for _, p in members], np.int64),
+    members = np.concatenate([np.empty(0, np.int64), *(group.members for group in beliefs.groups)])
+    return JudgedPasses(
+        beliefs.passes.take(members),
+        np.concatenate([np.empty(0, np.bool_), *accepted]),
+        np.concatenate([np.empty(0), *(group.blocks.weight for group in beliefs.groups)]),
     )
 
 
-def _driven(passes: _Passes, length_m: Floats) -> tuple[Floats, Ints]:
+def _driven(judged: JudgedPasses, length_m: Floats) -> tuple[Floats, Ints]:
     """Of each segment (n,) the share over which passes are accepted, 0 to 1, and what was observed there."""
-    good = np.flatnonzero(passes.accepted)
+    passes, good = judged.passes, np.flatnonzero(judged.accepted)
     row, observed = passes.segment[good], passes.observations[good]
     start, end = (np.clip(v[good] / length_m[row], 0.0, 1.0) for v in (passes.start_m, passes.end_m))
     order = np.lexsort((start, row))

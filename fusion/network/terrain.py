@@ -113,9 +113,9 @@ class TerrainBlocks:
         pair = np.column_stack([start, start + 2])
         zero = np.zeros(len(rows))
         ends = np.column_stack([terrain.height_m[self._knot], terrain.height_m[self._knot + 1]])
-        self._rise_m = ends[:, 1] - ends[:, 0]
+        self._height_m, self._rise_m = ends.ravel(), ends[:, 1] - ends[:, 0]
         self.steps = Blocks.of_rows(pair, np.array([-1.0, 1.0]), self._rise_m, 1.0)
-        self.level = Blocks.of_rows(pair.reshape(-1, 1), np.ones((2 * len(rows), 1)), ends.ravel(), 1.0)
+        self.level = Blocks.of_rows(pair.reshape(-1, 1), np.ones((2 * len(rows), 1)), self._height_m, 1.0)
         self.steps.weight, self.level.weight = zero.copy(), np.zeros(2 * len(rows))
         self.sigma_m, self.length_m = terrain.sigma_m, terrain.length_m
         self.tail = np.ones(len(rows))
@@ -149,7 +149,7 @@ class TerrainBlocks:
         The ``first`` solution, which is without the model, does not know how high roads are that nobody drove.
         """
         driven = np.repeat(self._driven[self._row], 2)
-        error = self.level.vector[:, 0] - solution.x[self.level.variables[:, 0]]
+        error = self._height_m - solution.x[self.level.variables[:, 0]]
         if not driven.any():
             return np.ones(len(error))
         error -= np.median(error[driven])
@@ -165,7 +165,7 @@ class TerrainBlocks:
 
     def _displaced(self, solution: Solution) -> tuple[int, Displaced] | None:
         """The worst of all networks of driven roads that hang together: heights do not carry from one to another."""
-        u, above = self._unknowns, self.level.vector[::2, 0] - solution.x[self.level.variables[::2, 0]]
+        u, above = self._unknowns, self._height_m[::2] - solution.x[self.level.variables[::2, 0]]
         part = joined_parts(u.nodes, u.start_node[self._driven], u.end_node[self._driven])
         driven = np.flatnonzero(self._driven[self._row])
         part = part[u.start_node[self._row[driven]]]

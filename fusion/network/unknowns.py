@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from fusion.arrays import counted
 from fusion.network.curve import interval_count, knot_length
-from fusion.network.pass_factor import CONSTANTS, ENTRY, LAG, NUISANCES, SETTINGS, PassFactor
+from fusion.network.pass_columns import PassColumns
+from fusion.network.pass_factor import CONSTANTS, ENTRY, LAG, SETTINGS
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
@@ -53,13 +52,10 @@ class DriveUnknowns:
     unknowns of constants by (number in ``CONSTANTS``, setting: ``SETTINGS``), ``constants`` maps them to that number.
     """
 
-    def __init__(self, passes: Sequence[PassFactor], begin: int) -> None:
+    def __init__(self, passes: PassColumns, begin: int) -> None:
         self.begin = begin
-        informations = [p.information.diagonal()[-NUISANCES:] for p in passes]
-        used = np.array(informations, float).reshape(-1, NUISANCES) > 0
-        setting_of = {
-            name: np.array([getattr(p, name) for p in passes], np.int64) for name in set(SETTINGS.values())
-        }
+        used = passes.used
+        setting_of = {"mount": passes.mount, "place": passes.place}
         new, first_of = used.copy(), {}
         for kind in range(len(CONSTANTS)):
             speak = np.flatnonzero(used[:, kind])

@@ -18,6 +18,7 @@ from fusion.network.drive_beliefs import (
     DriveBeliefs,
 )
 from fusion.network.equations import EquationSystem
+from fusion.network.pass_columns import PassColumns, in_order
 from fusion.network.pass_factor import ENTRY, EXIT, NUISANCES, PassFactor
 from fusion.network.road_beliefs import RoadBeliefs
 from fusion.roads.table import RoadTable
@@ -38,8 +39,9 @@ def learned(
     drives: Mapping[int, list[PassFactor]], table: RoadTable = STREET, rounds: int = 4
 ) -> DriveBeliefs:
     """What is believed of drives after some rounds."""
-    road = RoadBeliefs(table, [p for passes in drives.values() for p in passes])
-    said = DriveBeliefs(drives, road.unknowns)
+    passes = PassColumns.of(drives)
+    road = RoadBeliefs(table, passes)
+    said = DriveBeliefs(passes, road.unknowns, in_order(drives)[1])
     system = EquationSystem(said.size, [*road.blocks(), *said.blocks()], np.array([], np.int64))
     for number in range(rounds):
         solution = system.solve()
@@ -144,7 +146,7 @@ def test_the_weight_of_a_pass_falls_with_its_misfit() -> None:
         crowd = {k: [steady(table, 0, 2.0, 0.01)] for k in range(50)}
         said = learned({**crowd, 99: [steady(table, 0, 2.0 + offset_percent, 0.01)]}, table)
         (group,) = said.groups
-        return float(group[1].weight[0]), float(group[1].weight[-1]), said
+        return float(group.blocks.weight[0]), float(group.blocks.weight[-1]), said
 
     for offset in (0.0, 1.0, 2.0, 3.5, 2 * REJECT_SIGMAS):
         fair, odd, said = weights(offset)
@@ -182,8 +184,9 @@ def test_a_drive_alone_is_taken_at_its_word() -> None:
 def test_the_misfit_of_honest_passes_is_about_one() -> None:
     drives = {seed: ride(EVERYTHING, seed) for seed in range(6)}
     result = adjust(STREET, drives)
-    road = RoadBeliefs(STREET, [p for d in drives.values() for p in d])
-    misfit = np.concatenate(DriveBeliefs(drives, road.unknowns).misfits(result.solution))
+    passes = PassColumns.of(drives)
+    said = DriveBeliefs(passes, RoadBeliefs(STREET, passes).unknowns, in_order(drives)[1])
+    misfit = np.concatenate(said.misfits(result.solution))
     assert np.mean(misfit) == pytest.approx(1.0, abs=0.15)
     assert all(result.accepted.values())
 

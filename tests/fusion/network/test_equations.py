@@ -55,7 +55,7 @@ def test_solutions_and_covariances_against_dense(seed: int, size: int, last: int
             expected = inverse[one.variables[:, :, None], one.variables[:, None, :]]
             assert found.equations.covariance(one.variables) == pytest.approx(expected, rel=1e-9, abs=1e-10)
             spread = np.einsum("mij,mji->m", one.information, expected)
-            assert one.expected_squares(found) == pytest.approx(one.squares(found.x) + spread, abs=1e-9)
+            assert found.expected_squares(one) == pytest.approx(one.squares(found.x) + spread, abs=1e-9)
         blocks[0].weight = blocks[0].weight * 2.0
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from fusion.network.adjust import adjust
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.drive_constants import FREE_INFORMATION, ConstantsInformation
+from fusion.network.pass_columns import PassColumns
 from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, EAST, LAG, MOUNT, NUISANCES, PassFactor
 from fusion.network.road_beliefs import GRADE_SIGMA
 from fusion.network.segment_slopes import Adjustment
@@ -147,7 +148,7 @@ def mounts(
     found: Adjustment, table: RoadTable, drives: Drives, names: list[int]
 ) -> tuple[np.ndarray, np.ndarray]:
     """What a solution knows of the mounts of the drives with these names, and its sigma."""
-    said = DriveBeliefs(drives, RoadUnknowns(table))
+    said = DriveBeliefs(PassColumns.of(drives), RoadUnknowns(table))
     unknown = np.array([said.unknowns[k].keys[MOUNT, 0] for k in names])
     covariance = found.solution.equations.covariance(unknown[:, None])
     return found.solution.x[unknown], np.sqrt(covariance[:, 0, 0])

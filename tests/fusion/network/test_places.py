@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fusion.frames import METRES_PER_DEGREE
+from fusion.network.pass_columns import PassColumns
 from fusion.network.road_beliefs import PLACE_M, Places, RoadBeliefs
 from network_draws import driven_town, town, within
 
@@ -47,8 +48,8 @@ def test_roads_begin_as_rough_as_the_drives_about_them_learned() -> None:
     table, drives = driven_town(40, 12, 6, 5000.0)
     rows = table.lon0_deg < 8.516
     part, inside, _ = within(table, drives, rows)
-    whole = RoadBeliefs(table, [p for d in drives.values() for p in d])
-    own = RoadBeliefs(part, [p for d in inside.values() for p in d])
+    whole = RoadBeliefs(table, PassColumns.of(drives))
+    own = RoadBeliefs(part, PassColumns.of(inside))
     near = part.lon0_deg < 8.516 - 2.1 * PLACE_M / (METRES_PER_DEGREE * np.cos(np.radians(49)))
     assert near.any()
     assert own.usual[near] == pytest.approx(whole.usual[rows][near], rel=0.02)

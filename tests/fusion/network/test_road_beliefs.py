@@ -12,6 +12,7 @@ from factor_support import Sensors, driven, graded, roads, steady, street
 from fusion.network.adjust import adjust
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.equations import EquationSystem
+from fusion.network.pass_columns import PassColumns
 from fusion.network.pass_factor import PassFactor
 from fusion.network.road_beliefs import (
     DEFAULT_ROUGHNESS,
@@ -29,7 +30,7 @@ PRECISE = Sensors(0.002, pressure_m=0.02, walk_m2_per_s=(0.1, 1e-4))
 
 def learned(road: RoadBeliefs, passes: list[PassFactor], rounds: int = 4) -> np.ndarray:
     """Let roads learn from the passes of one drive; the last solution."""
-    said = DriveBeliefs({0: passes}, road.unknowns)
+    said = DriveBeliefs(PassColumns.of({0: passes}), road.unknowns, passes)
     system = EquationSystem(said.size, [*road.blocks(), *said.blocks()], np.array([], np.int64))
     for _ in range(rounds):
         solution = system.solve()
@@ -55,7 +56,7 @@ def test_the_usual_roughness_begins_with_what_drives_learned() -> None:
 
     def usual(*values: float) -> float:
         passes = [steady(table, 0, 1.0, roughness=v, sequence=k) for k, v in enumerate(values)]
-        return float(RoadBeliefs(table, passes).usual[0])
+        return float(RoadBeliefs(table, PassColumns.of({0: passes})).usual[0])
 
     assert usual() == pytest.approx(DEFAULT_ROUGHNESS)
     assert usual(1e-5, 1e-4, 1e-3) == pytest.approx(1e-4)
@@ -72,7 +73,7 @@ def test_the_roughness_of_roads_is_learned(roughness: float) -> None:
     passes = driven(
         table, range(len(table)), lambda row, x: np.interp(edge[row] + x, at, height), PRECISE, rng
     )
-    road = RoadBeliefs(table, [replace(p, roughness=roughness / 3) for p in passes])
+    road = RoadBeliefs(table, PassColumns.of({0: [replace(p, roughness=roughness / 3) for p in passes]}))
     learned(road, passes)
     # The scale of a Student's t of three degrees of freedom that is fitted to Gaussian steps is smaller than theirs.
     assert 0.4 < np.median(road.usual) / roughness < 1.5
@@ -87,7 +88,7 @@ def test_one_rough_interval_does_not_make_the_others_rough() -> None:
         )  # type: ignore[misc]
         for row in range(12)
     ]  # fmt: skip
-    road = RoadBeliefs(table, passes)
+    road = RoadBeliefs(table, PassColumns.of({0: passes}))
     learned(road, passes)
     weights = road.roughness.weight
     assert weights[6] < 0.2 * np.median(weights)
@@ -100,7 +101,7 @@ def test_ends_meet_at_a_node_and_one_that_does_not_is_let_go() -> None:
     rng = np.random.default_rng(3)
     sensors = replace(PRECISE, walk_m2_per_s=(0.1, 1e-6))
     passes = driven(table, range(4), lambda row, at: np.where(row < 2, 100.0, 103.0) + 0 * at, sensors, rng)
-    road = RoadBeliefs(table, passes)
+    road = RoadBeliefs(table, PassColumns.of({0: passes}))
     x = learned(road, passes, 6)
     u = road.unknowns
     rows = np.arange(4)
@@ -129,7 +130,7 @@ def test_intervals_are_open_where_no_pass_goes() -> None:
         graded(table, 1, flat, 0.01, part=(48.0, 52.0), sequence=2),
         steady(table, 3, 0.0, sequence=3),
     ]
-    road = RoadBeliefs(table, passes)
+    road = RoadBeliefs(table, PassColumns.of({0: passes}))
     learned(road, passes, 1)
     opened: dict[int, tuple[bool, ...]] = dict.fromkeys(range(4), ())
     one = road.roughness
@@ -153,7 +154,7 @@ def test_what_nobody_drove_is_as_rough_as_any_road_may_be() -> None:
     rows = [row for row in range(30) if row % 10 < 7]
     rng = np.random.default_rng(5)
     passes = driven(table, rows, lambda row, x: np.interp(edge[row] + x, at, height), PRECISE, rng)
-    road = RoadBeliefs(table, passes)
+    road = RoadBeliefs(table, PassColumns.of({0: passes}))
     learned(road, passes)
     one = road.roughness
     row = np.searchsorted(road.unknowns.first, one.variables[:, 0], side="right") - 1
@@ -168,7 +169,7 @@ def test_heights_are_believed_about_where_they_were_found() -> None:
     rng = np.random.default_rng(1)
     sensors = Sensors(0.01, altitude_m=0.2)
     passes = driven(table, (0, 1), lambda row, at: 2000.0 + 0.0 * at, sensors, rng)
-    road = RoadBeliefs(table, passes)
+    road = RoadBeliefs(table, PassColumns.of({0: passes}))
     assert not road.levels.vector.any()
     x = learned(road, passes, 3)
     assert road.levels.vector[:, 0] == pytest.approx(x[road.levels.variables[:, 0]], rel=1e-12)
@@ -190,7 +191,7 @@ def test_a_class_of_roads_that_is_rougher_than_the_others_is_known_for_it() -> N
         return np.interp(edge[row % n] + x, *((at, height) if row < n else (rough_at, rough)))
 
     passes = driven(table, range(2 * n - 1), profile, PRECISE, np.random.default_rng(6))
-    road = RoadBeliefs(table, [replace(p, roughness=1e-5) for p in passes])
+    road = RoadBeliefs(table, PassColumns.of({0: [replace(p, roughness=1e-5) for p in passes]}))
     learned(road, passes)
     assert np.median(road.usual[n:]) > 3 * np.median(road.usual[:n])
     assert road.usual[-1] == pytest.approx(road.usual[-2], rel=0.3)
@@ -203,7 +204,7 @@ def test_a_pass_that_measured_nothing_knows_nothing_of_the_road() -> None:
         replace(p, information=0 * p.information, vector=0 * p.vector, square=0.0, rows=0, roughness=1e-6)
         for p in (steady(table, 0, 1.0), steady(table, 1, 1.0, sequence=1))
     ]
-    found, before = RoadBeliefs(table, silent), RoadBeliefs(table, [])
+    found, before = (RoadBeliefs(table, PassColumns.of({0: passes})) for passes in (silent, []))
     learned(found, silent)
     assert found.usual == pytest.approx(before.usual)
     assert found.roughness.weight == pytest.approx(1 / (UNSEEN_VARIANCE * before.usual[0]), rel=1e-6)

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from factor_support import PLANE, Profile, Sensors, block_of_streets, driven, graded, roads, street
+from fusion.network.pass_columns import PassColumns
 from fusion.network.pass_factor import BIAS, EAST, ENTRY, EXIT, LAG, MOUNT, NORTH, SQUAT, PassFactor
 from fusion.network.unknowns import DriveUnknowns, RoadUnknowns, knot_positions
 
@@ -55,7 +56,7 @@ def test_ends_are_the_first_and_the_last_height_of_a_segment() -> None:
 def test_what_a_pass_does_not_speak_of_is_no_unknown() -> None:
     table = street(30.0, 40.0)
     passes = [graded(table, row, lambda at: 0 * at, 0.01, sequence=row) for row in range(2)]
-    u = DriveUnknowns(passes, 100)
+    u = DriveUnknowns(PassColumns.of({0: passes}), 100)
     assert u.end == u.begin == 100
     assert np.all(u.of_pass == -1)
     assert u.lag is None
@@ -63,7 +64,7 @@ def test_what_a_pass_does_not_speak_of_is_no_unknown() -> None:
 
 
 def test_constants_are_the_drive_s_and_errors_are_the_pass_es() -> None:
-    u = DriveUnknowns(passes_of(EVERYTHING), 50)
+    u = DriveUnknowns(PassColumns.of({0: passes_of(EVERYTHING)}), 50)
     assert sorted(u.constants.values()) == [MOUNT, BIAS]
     for kind in (MOUNT, BIAS):
         assert len(set(u.of_pass[:, kind].tolist())) == 1
@@ -78,15 +79,15 @@ def test_a_lag_is_one_for_the_drive() -> None:
         street(30.0, 30.0), (0, 1), lambda _, at: 100 + 0.05 * at, Sensors(altitude_m=0.3, lag_s=2.0),
         np.random.default_rng(1),
     )  # fmt: skip
-    u = DriveUnknowns(hill, 0)
+    u = DriveUnknowns(PassColumns.of({0: hill}), 0)
     assert u.lag is not None
     assert u.of_pass[:, LAG].tolist() == [u.lag] * 2
-    assert DriveUnknowns(passes_of(EVERYTHING), 0).lag is None
+    assert DriveUnknowns(PassColumns.of({0: passes_of(EVERYTHING)}), 0).lag is None
 
 
 def test_passes_with_one_setting_of_the_mount_share_it() -> None:
     passes = [replace(p, mount=mount) for p, mount in zip(passes_of(EVERYTHING), (0, 0, 2, 0), strict=True)]
-    u = DriveUnknowns(passes, 0)
+    u = DriveUnknowns(PassColumns.of({0: passes}), 0)
     mount, bias = u.of_pass[:, MOUNT], u.of_pass[:, BIAS]
     assert mount[0] == mount[1] == mount[3] != mount[2]
     assert len(set(bias.tolist())) == 1
@@ -95,7 +96,9 @@ def test_passes_with_one_setting_of_the_mount_share_it() -> None:
 
 def test_passes_of_one_part_of_a_drive_share_the_error_of_its_positions() -> None:
     wrong = passes_of(replace(EVERYTHING, farther_m=2.0), hilly)
-    u = DriveUnknowns([replace(p, place=part) for p, part in zip(wrong, (4, 4, 1, 4), strict=True)], 0)
+    u = DriveUnknowns(
+        PassColumns.of({0: [replace(p, place=part) for p, part in zip(wrong, (4, 4, 1, 4), strict=True)]}), 0
+    )
     first, second, third, fourth = u.of_pass[:, EAST].tolist()
     assert first == second == fourth != third
     assert u.keys[EAST, 1] == third
@@ -107,7 +110,7 @@ def test_errors_go_on_from_a_pass_to_the_next_one_that_knows_them() -> None:
     both = passes_of(EVERYTHING)
     barometer_only = passes_of(Sensors(np.nan, pressure_m=0.1))
     mixed = [both[0], barometer_only[1], both[2], both[3]]
-    u = DriveUnknowns(mixed, 0)
+    u = DriveUnknowns(PassColumns.of({0: mixed}), 0)
     assert [side.tolist() for side in u.joints(0)] == [[0, 2], [2, 3]]
     assert [side.tolist() for side in u.joints(1)] == [[0, 1, 2], [1, 2, 3]]
 
@@ -123,7 +126,7 @@ def test_every_unknown_is_somebody_s(seed: int) -> None:
         sensors = Sensors(*has.tolist()) if np.isfinite(has).any() else EVERYTHING
         one = driven(street(25.0), (0,), flat, sensors, rng)[0]
         passes.append(replace(one, sequence=k, mount=int(rng.integers(0, 3))))
-    u = DriveUnknowns(passes, 1000)
+    u = DriveUnknowns(PassColumns.of({0: passes}), 1000)
     spoken = u.of_pass[u.of_pass >= 0]
     assert sorted(set(spoken.tolist())) == list(range(1000, u.end))
     for k, one in enumerate(passes):

@@ -1,0 +1,1 @@
+"""The network adjustment of a whole country (``python -m country``)."""

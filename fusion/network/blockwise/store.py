@@ -1,0 +1,57 @@
+"""Where the work on blocks leaves what later work needs: a folder that all hands reach, or this process's memory."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+Key = tuple[str, int]
+"""What it is, and of which node."""
+
+
+class Store(Protocol):
+    """Values by keys. To put a value again replaces it: work that is done twice does no harm."""
+
+    def put(self, key: Key, value: Any) -> None: ...
+
+    def get(self, key: Key) -> Any: ...
+
+
+@dataclass(frozen=True)
+class MemoryStore:
+    """For work in one process."""
+
+    _values: dict[Key, Any] = field(default_factory=dict)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError("hands in other processes do not reach this one's memory: name a folder")
+
+    def put(self, key: Key, value: Any) -> None:
+        """Keep a value."""
+        self._values[key] = value
+
+    def get(self, key: Key) -> Any:
+        """The value of a key."""
+        return self._values[key]
+
+
+@dataclass(frozen=True)
+class FolderStore:
+    """One file for each value; who gets a value may change it."""
+
+    folder: Path
+
+    def put(self, key: Key, value: Any) -> None:
+        """Write a value."""
+        with self._file(key).open("wb") as file:
+            pickle.dump(value, file, pickle.HIGHEST_PROTOCOL)
+
+    def get(self, key: Key) -> Any:
+        """Read the value of a key."""
+        with self._file(key).open("rb") as file:
+            return pickle.load(file)  # noqa: S301 - our own files
+
+    def _file(self, key: Key) -> Path:
+        return self.folder / f"{key[0]}-{key[1]}"

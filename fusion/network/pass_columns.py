@@ -1,0 +1,79 @@
+"""All passes of a network as one table: everything but what they say, which is large and stays where it is used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from operator import attrgetter
+from typing import Any, Self
+
+import numpy as np
+
+from fusion.arrays import ColumnTable
+from fusion.network.pass_factor import NUISANCES, PassFactor
+from fusion.types import Bools, Floats, Ints
+
+
+def in_order(drives: Mapping[int, Sequence[PassFactor]]) -> tuple[list[int], list[PassFactor]]:
+    """The drive of each pass, and the passes, drive by drive in the order of driving."""
+    ordered = [(d, p) for d in sorted(drives) for p in sorted(drives[d], key=attrgetter("sequence"))]
+    return [d for d, _ in ordered], [p for _, p in ordered]
+
+
+@dataclass(frozen=True, eq=False)
+class PassColumns(ColumnTable):
+    """m passes, drive by drive in the order of driving; columns (m,) as ``PassFactor`` has them, but: ``drive`` is the
+    number of its drive, ``knots`` how many knot variables it speaks of, ``used`` (m, ``NUISANCES``) which of the
+    drive's unknowns, and ``walk_m2_per_s`` has shape (m, 2)."""
+
+    drive: Ints
+    sequence: Ints
+    segment: Ints
+    mount: Ints
+    place: Ints
+    rows: Ints
+    observations: Ints
+    condensed: Ints
+    square: Floats
+    start_m: Floats
+    end_m: Floats
+    roughness: Floats
+    grade_length_m: Floats
+    first_time_s: Floats
+    last_time_s: Floats
+    walk_m2_per_s: Floats
+    knots: Ints
+    used: Bools
+
+    @classmethod
+    def of(cls, drives: Mapping[int, Sequence[PassFactor]]) -> Self:
+        """Of drives by their numbers."""
+        drive, passes = in_order(drives)
+        columns: dict[str, Any] = {
+            spec.name: np.array([getattr(p, spec.name) for p in passes], _KINDS[str(spec.type)])
+            for spec in fields(cls)
+            if spec.name not in ("drive", "knots", "used")
+        }
+        columns["walk_m2_per_s"] = columns["walk_m2_per_s"].reshape(-1, 2)
+        return cls(
+            drive=np.array(drive, np.int64),
+            knots=np.array([len(p.vector) - NUISANCES for p in passes], np.int64),
+            used=np.array([p.used for p in passes], np.bool_).reshape(-1, NUISANCES),
+            **columns,
+        )
+
+    @classmethod
+    def together(cls, tables: Sequence[Self]) -> Self:
+        """The passes of several tables; a drive may have some in each of them."""
+        every = cls.of({}).joined(*tables)
+        return every.take(np.lexsort((every.sequence, every.drive)))
+
+    def of_drives(self) -> tuple[list[int], list[slice]]:
+        """The numbers of the drives, and where the passes of each stand."""
+        names, first = np.unique(self.drive, return_index=True)
+        ends = [*first.tolist(), len(self)]
+        return names.tolist(), [slice(a, b) for a, b in pairwise(ends)]
+
+
+_KINDS = {"Ints": np.int64, "Floats": np.float64}
