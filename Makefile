@@ -80,8 +80,8 @@ check-tests:
 
 lock: $(INSTALLED)  ## bring .lock/ up to pyproject.toml (UPGRADE=--upgrade: newest versions)
 	@PATH="$$PWD/$(BIN):$$PATH"; command -v uv > /dev/null || $(BIN)/pip install --quiet uv
-	@PATH="$$PWD/$(BIN):$$PATH"; $(UV_COMPILE) $(UPGRADE) --extra s3 --extra otel pyproject.toml -o .lock/runtime.txt
-	@PATH="$$PWD/$(BIN):$$PATH"; $(UV_COMPILE) $(UPGRADE) --extra s3 --extra otel --extra dev -c .lock/runtime.txt pyproject.toml -o .lock/dev.txt
+	@PATH="$$PWD/$(BIN):$$PATH"; $(UV_COMPILE) $(UPGRADE) --extra s3 --extra otel --extra batch pyproject.toml -o .lock/runtime.txt
+	@PATH="$$PWD/$(BIN):$$PATH"; $(UV_COMPILE) $(UPGRADE) --extra s3 --extra otel --extra batch --extra dev -c .lock/runtime.txt pyproject.toml -o .lock/dev.txt
 
 clean:  ## remove everything that make made
 	rm -rf $(VENV) $(CACHES) build dist demo docs/_build *.egg-info
