@@ -7,7 +7,7 @@ One style of database access: synchronous SQLAlchemy over psycopg 3. Vector tile
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -142,6 +142,11 @@ def plain_json(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain_json(item) for item in value]
     return value
+
+
+def bigints(values: Iterable[int]) -> NDArray[np.int64]:
+    """Ids as a parameter: a list of thousands is written and read as text, number by number (``ArrayDumper``)."""
+    return np.fromiter(values, np.int64)
 
 
 _HEADER = np.dtype(">i4")

@@ -44,7 +44,7 @@ SETTLE_AFTER_S = 600.0
 REACH_DEG = 0.1
 """So far from a drive may lie what the map said on account of it: heights are carried over undriven gaps."""
 
-DERIVE_PAUSE_S = 5.0
+DERIVE_PAUSE_S = 15.0
 """While drives wait, what is derived from segments follows no more often than that: they come first, and one piece does
 for all that has changed by then."""
 

@@ -21,7 +21,7 @@ import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import Bounds
+from app.core.db import Bounds, bigints
 from app.network import ZOOM
 from fusion.types import Ints
 
@@ -91,7 +91,7 @@ _LAST_CHANGE = text("SELECT max(changed_at) FROM cells WHERE version > 0")
 
 def cells_over(session: Session, segment_ids: Collection[int]) -> list[int]:
     """The cells in which these segments are shown, sorted."""
-    return list(session.execute(_CELLS_OVER, {"ids": list(segment_ids)}).scalars())
+    return list(session.execute(_CELLS_OVER, {"ids": bigints(segment_ids)}).scalars())
 
 
 def versions_of(session: Session, cells: Collection[int]) -> dict[int, int]:
@@ -234,7 +234,7 @@ def state_of(version_id: int, step: int) -> int:
 
 def cells_met(session: Session, segment_ids: Collection[int]) -> set[int]:
     """The cells with which segments are read, perhaps ``WIDE``."""
-    values = {"ids": list(segment_ids), "wide": _WIDE_CELLS, "all_cells": WIDE}
+    values = {"ids": bigints(segment_ids), "wide": _WIDE_CELLS, "all_cells": WIDE}
     return set(session.execute(_MET, values).scalars())
 
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import fetch_binary, send_binary
+from app.core.db import bigints, fetch_binary, send_binary
 from fusion.network.condensed import CondensedPasses
 from fusion.network.curve import knot_length
 from fusion.network.drive_constants import ConstantsInformation
@@ -107,7 +107,7 @@ def condensed_over(
     session: Session, segment_ids: Collection[int], without: uuid.UUID | None = None
 ) -> dict[int, CondensedPasses]:
     """The condensed passes over these segments, ``without`` those of one drive."""
-    sums = _added(fetch_binary(session, _OVER, {"ids": list(segment_ids)}))
+    sums = _added(fetch_binary(session, _OVER, {"ids": bigints(segment_ids)}))
     if sums and without is not None:
         rows = fetch_binary(session, _CONDENSED, {**of_drive(session, without), "ids": list(sums)})
         for segment, own in condensed_of_drive(session, without, rows).items():

@@ -73,7 +73,7 @@ def segment_ids_in(session: Session, boxes_deg: Floats, after_id: int = 0) -> In
 
 def roads_of(session: Session, ids: Ints) -> tuple[RoadTable, Ints]:
     """Those of the segments that are there, and their ids."""
-    return road_table(session.execute(_BY_IDS, {"ids": ids.tolist()}).all())
+    return road_table(session.execute(_BY_IDS, {"ids": ids}).all())
 
 
 def all_roads(session: Session) -> tuple[RoadTable, Ints]:
@@ -94,12 +94,13 @@ def roads_without_heights_in(session: Session, boxes_deg: Floats) -> tuple[RoadT
 
 def road_table(rows: Sequence[Row[Any]]) -> tuple[RoadTable, Ints]:
     """Rows of ``ROAD_COLUMNS`` in ``ROAD_ORDER`` as a table, and their ids, shape (n,)."""
-    lines = b"".join(bytes(row.line)[_LINE_HEADER_BYTES:] for row in rows)
+    values = dict(zip(rows[0]._fields, zip(*rows, strict=True), strict=True)) if rows else {}
+    lines = b"".join(bytes(line)[_LINE_HEADER_BYTES:] for line in values.get("line", ()))
     lon0, lat0, lon1, lat1 = np.frombuffer(lines, "<f8").reshape(-1, 4).astype(np.float64).T.copy()
     columns: dict[str, Any] = {"lon0_deg": lon0, "lat0_deg": lat0, "lon1_deg": lon1, "lat1_deg": lat1}
     for name in set(RoadTable.columns()) - columns.keys():
-        columns[name] = np.array([getattr(row, name) for row in rows], DTYPE_OF[name])
-    return RoadTable(**columns), np.array([row.id for row in rows], np.int64)
+        columns[name] = np.array(values.get(name, ()), DTYPE_OF[name])
+    return RoadTable(**columns), np.array(values.get("id", ()), np.int64)
 
 
 MOST_CACHED = 200_000

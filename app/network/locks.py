@@ -40,8 +40,6 @@ _TRY = text("SELECT pg_try_advisory_lock(:key)")
 _TRY_OF_SCHEMA = text(f"SELECT pg_try_advisory_lock({_OF_SCHEMA})")
 _FREE_ALL = text("SELECT pg_advisory_unlock_all()")
 
-HOUR_S = 3600.0
-
 
 def own_network(session: Session) -> None:
     """Wait for all who share the network, and keep them out until this transaction ends."""
@@ -60,13 +58,12 @@ def try_share_network(session: Session) -> bool:
     return bool(session.execute(_TRY_SHARE, {"key": _NETWORK}).scalar_one())
 
 
-def own_hours(session: Session, moments_s: Iterable[float], apart_s: float) -> None:
-    """Keep out whoever adds or removes a drive of the same hours, until this transaction ends.
+def own_hours(session: Session, hours: Iterable[int]) -> None:
+    """Keep out whoever adds or removes a drive that was in the same places in the same hours, until this transaction
+    ends: such drives can be duplicates, and each has to see the other.
 
-    ``moments_s`` are Unix seconds; drives whose moments are within ``apart_s`` of each other have an hour in common.
-    Only such drives can be duplicates, and each has to see the other.
+    ``hours`` are numbers of an hour in a place (``app.network.passes.hours_of``).
     """
-    hours = {int((m + d) // HOUR_S) for m in moments_s for d in (-apart_s, apart_s)}
     with LOCK_WAIT_S.timed("own_hours"):
         session.execute(_HOUR, {"key": _HOURS, "hours": sorted(hours)})
 

@@ -14,6 +14,8 @@ from typing import NamedTuple
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.db import bigints
+
 # A segment that was deleted needs no mark: the roads around it have theirs.
 _APPEND = text("""
     INSERT INTO network_marks (cell, drive_id, generation, touched, combined, due_at)
@@ -105,8 +107,8 @@ def append_marks(
     values = {
         "drive_id": None if by is None else by.drive_id,
         "generation": None if by is None else by.generation,
-        "touched": sorted(touched),
-        "combined": sorted(set(combined) - set(touched)),
+        "touched": bigints(sorted(touched)),
+        "combined": bigints(sorted(set(combined) - set(touched))),
         "delay_s": delay_s,
     }
     return list(session.execute(_APPEND, values).scalars())
@@ -148,7 +150,7 @@ def marked_in(session: Session, cells: Collection[int]) -> Marked:
     rows = session.execute(_IN_CELLS, {"cells": sorted(cells)}).all()
     touched = {segment for row in rows for segment in row.touched}
     combined = {segment for row in rows for segment in row.combined}
-    there = set(session.execute(_STILL_THERE, {"ids": [*touched, *combined]}).scalars())
+    there = set(session.execute(_STILL_THERE, {"ids": bigints(touched | combined)}).scalars().all())
     return Marked([row.id for row in rows], touched & there, combined & there)
 
 

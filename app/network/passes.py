@@ -13,7 +13,7 @@ import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import fetch_binary, send_binary
+from app.core.db import bigints, fetch_binary, send_binary
 from app.network.condensed import OF_DRIVE, StoredPass, condensed_of_drive, of_drive, subtract_condensed
 from fusion.network.drive_constants import ConstantsInformation
 from fusion.network.pass_factor import PassFactor
@@ -76,7 +76,18 @@ _ACCEPT = text("""
     WHERE segment_id = ANY(CAST(:segments AS bigint[])) AND pass_id = ANY(CAST(:ids AS bigint[]))
 """)
 
-_ENTRY_SECONDS = text(f"SELECT DISTINCT floor(entered_s) FROM drive_passes WHERE {_ITS}")  # noqa: S608 - constants
+# The tile of zoom 12 that a segment is in, and the hour: a drive of a thousand kilometres has some two hundred. Each
+# owner of one holds a lock of the server, which has room for thousands: hence no more numbers than that. Two hours that
+# share one only wait for each other now and then.
+_HOURS = text(f"""
+    SELECT DISTINCT CAST(hashint8(
+        CAST(floor((e.entered_s + apart_s) / 3600) AS bigint) << 24 | (s.cell >> 16) << 12 | (s.cell & 16383) >> 2
+    ) & 4095 AS integer)
+    FROM (SELECT segment_id, entered_s FROM drive_passes WHERE {_ITS}
+          UNION ALL SELECT * FROM unnest(CAST(:segments AS bigint[]), CAST(:entered_s AS float8[]))) AS e,
+        LATERAL (SELECT cell FROM segments WHERE id = e.segment_id OFFSET 0) AS s,
+        unnest(ARRAY[CAST(-:apart_s AS float8), :apart_s]) AS apart_s
+""")  # noqa: S608 - constants
 
 
 def replace_passes(
@@ -122,17 +133,25 @@ def insert_passes(
 
 def partitions_of(session: Session, segment_ids: Collection[int]) -> list[int]:
     """The partitions in which the passes over these segments are."""
-    return list(session.execute(_PARTITIONS, {"ids": list(segment_ids)}).scalars())
+    return list(session.execute(_PARTITIONS, {"ids": bigints(segment_ids)}).scalars())
 
 
-def entry_seconds(session: Session, drive_id: uuid.UUID) -> set[float]:
-    """The whole Unix seconds at which the drive entered its segments."""
-    return set(session.execute(_ENTRY_SECONDS, of_drive(session, drive_id)).scalars())
+def hours_of(
+    session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor], apart_s: float
+) -> set[int]:
+    """Numbers of the hours in which the drive was in places, by its stored passes and by ``factors``, whose segments
+    are database ids. Drives that entered a segment within ``apart_s`` of each other have one in common."""
+    entries = {
+        "segments": bigints(f.segment for f in factors),
+        "entered_s": np.array([f.first_time_s for f in factors], float),
+    }
+    values = {**of_drive(session, drive_id), **entries, "apart_s": apart_s}
+    return set(session.execute(_HOURS, values).scalars().all())
 
 
 def passes_over(session: Session, segment_ids: Collection[int]) -> list[StoredPass]:
     """The recent passes over these segments, without those of duplicate drives; drive by drive in driving order."""
-    values = {"ids": list(segment_ids), "partitions": partitions_of(session, segment_ids)}
+    values = {"ids": bigints(segment_ids), "partitions": partitions_of(session, segment_ids)}
     rows = fetch_binary(session, OVER, values)
     factors = PassFactor.decode_all([row[3:] for row in rows])
     return [
@@ -147,5 +166,5 @@ def set_accepted(session: Session, accepted: Sequence[StoredPass], rejected: Seq
         if passes:
             segments = sorted({p.factor.segment for p in passes})
             ids = sorted(p.id for p in passes if p.id is not None)
-            values = {"ids": ids, "segments": segments, "partitions": partitions_of(session, segments)}
-            session.execute(statement, values)
+            values = {"ids": bigints(ids), "segments": bigints(segments)}
+            session.execute(statement, {**values, "partitions": partitions_of(session, segments)})

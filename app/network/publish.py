@@ -14,7 +14,7 @@ import numpy as np
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
-from app.core.db import fetch_binary
+from app.core.db import bigints, fetch_binary
 from fusion.methods.base import OF_TERRAIN
 from fusion.network.combine import NETWORK_ONLY, SlopePart, published_slope
 from fusion.network.segment_slopes import Adjustment
@@ -75,7 +75,7 @@ def write_slopes(
     columns["height_from_m"], columns["height_to_m"] = ends
     values: dict[str, Any] = {name: np.ma.masked_invalid(column) for name, column in columns.items()}
     values |= {"segment_id": np.array(segment_ids, np.int64), "drives": np.array(drives, np.int64)}
-    return list(session.execute(_WRITE, {**values, "tolerance": tolerance_sigmas}).scalars())
+    return list(session.execute(_WRITE, {**values, "tolerance": tolerance_sigmas}).scalars().all())
 
 
 def _node_heights(
@@ -107,7 +107,7 @@ def _node_heights(
 
 def clear_slopes(session: Session, segment_ids: Sequence[int]) -> list[int]:
     """Forget the network's slopes of these segments; returns those that had one."""
-    return list(session.execute(_CLEAR, {"ids": segment_ids}).scalars())
+    return list(session.execute(_CLEAR, {"ids": bigints(segment_ids)}).scalars())
 
 
 # The network's own slope first, then each drive in order, so that the same parts always combine to the same
@@ -179,7 +179,7 @@ def refresh_aggregates(session: Session, segment_ids: Iterable[int]) -> list[int
     alone = {"ids": np.setdiff1d(ids, mixed)}
     return [
         *session.execute(_CLEAR_WITHOUT, alone).scalars(),
-        *session.execute(_COPY_NETWORK, alone).scalars(),
+        *session.execute(_COPY_NETWORK, alone).scalars().all(),
         *_combine(session, mixed),
     ]
 

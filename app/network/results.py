@@ -5,8 +5,8 @@ solved (``app.network.swap``).
 
 A drive that is uploaded twice, or in two formats, counts once; its duplicates name it. Which drive counts follows from
 what is stored alone, not from the order of the uploads, and by the rule of the library (``fusion.network.duplicates``).
-Callers own the hours of the drive (``app.network.locks``), so that of two drives that are stored at the same time one
-sees the other.
+Callers own the hours of the drive where it was (``app.network.locks``), so that of two drives that are stored at the
+same time one sees the other.
 
 One rule keeps the map right whatever runs at the same time: what a drive says is always stored together with marks of
 the cells that it touches, and a cell is solved from everything that is stored.
@@ -28,7 +28,7 @@ from app.core.db import fetch_binary, plain_json
 from app.network.condensed import OF_DRIVE, drive_partitions, of_drive, uncondense_drive
 from app.network.locks import own_hours, share_network
 from app.network.marks import MarkedBy, append_marks
-from app.network.passes import entry_seconds, replace_passes
+from app.network.passes import hours_of, replace_passes
 from fusion.network.duplicates import LONGEST_ENTRY_S, SAME_SHARE, DriveTrace, find_duplicates, is_duplicate
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats, Ints, SegmentSlope
@@ -199,7 +199,7 @@ def begin_change(session: Session, drive_id: uuid.UUID, factors: Sequence[PassFa
     ``factors`` are those that the drive is about to store; its stored passes count as well.
     """
     share_network(session)
-    own_hours(session, {f.first_time_s for f in factors} | entry_seconds(session, drive_id), LONGEST_ENTRY_S)
+    own_hours(session, hours_of(session, drive_id, factors, LONGEST_ENTRY_S))
 
 
 def append_result(

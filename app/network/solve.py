@@ -16,7 +16,7 @@ import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.core.db import Bounds, fetch_binary
+from app.core.db import Bounds, bigints, fetch_binary
 from app.network.cells import partitions_around
 from app.network.condensed import StoredPass, by_drive, condensed_over, constants_outside, oldest
 from app.network.extracts import roads_in
@@ -78,7 +78,7 @@ class Surroundings:
 
 def surroundings(session: Session, touched: Collection[int], scale: float) -> Surroundings:
     """The roads within the library's radius, times ``scale``, around ``touched`` segments."""
-    lines = np.array([tuple(row) for row in session.execute(_LINES, {"ids": list(touched)})], float)
+    lines = np.array([tuple(row) for row in session.execute(_LINES, {"ids": bigints(touched)}).all()], float)
     lon0, lat0, lon1, lat1 = lines.reshape(-1, 4).T
     boxes = boxes_around(lon0, lat0, lon1, lat1, scale * SOLVE_RADIUS_M)
     roads = roads_in(session, boxes)
@@ -92,7 +92,7 @@ def surroundings(session: Session, touched: Collection[int], scale: float) -> Su
 
 def stored_terrain(session: Session, table: RoadTable, ids: Ints) -> Terrain | None:
     """Heights of the elevation model at the knots of ``table``, whose segments have these ids; None: there are none."""
-    stored = dict(fetch_binary(session, _HEIGHTS, {"ids": ids.tolist()}))
+    stored = dict(fetch_binary(session, _HEIGHTS, {"ids": ids}))
     if not stored:
         return None
     count = interval_count(knot_length(table.length_m)) + 1

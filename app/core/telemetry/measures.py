@@ -132,7 +132,7 @@ SWAP_CONFLICTS = Measure(
 )
 LOCK_WAIT_S = Measure(
     "versant_lock_wait_seconds",
-    "Waits for locks: `own_network` (imports), `share_network` (drives), `own_hours` (drives of the same hours).",
+    "Waits for locks: `own_network` (imports), `share_network` (drives), `own_hours` (drives of one place and hour).",
     ("lock",),
     SHORT_S,
 )

@@ -28,6 +28,8 @@ from fusion.errors import FusionError
 
 LOOK_EVERY_S = 0.5
 """How often a run looks whether it is to go on, and shows how far it is."""
+STAGE_EVERY_S = 0.2
+"""How often it shows another stage: nobody sees those that are shorter, and each costs a transaction."""
 OTHERS_WAIT_S = 2.0
 """Once something that goes first has waited for so long, no lane is free but that of the request."""
 
@@ -39,7 +41,8 @@ class Discarded(Exception):  # noqa: N818  (no error: somebody cancelled, remove
 
 
 class Progress:
-    """Shows how far a run is, at most every ``LOOK_EVERY_S`` or when its stage changes, and ends it where it is to end.
+    """Shows how far a run is, every ``LOOK_EVERY_S`` or, when its stage changes, ``STAGE_EVERY_S`` at most, and ends it
+    where it is to end.
 
     ``write`` writes stage and share; False: it is no longer this run's.
     """
@@ -53,16 +56,17 @@ class Progress:
         self._sessions, self._should_stop, self._write = sessions, should_stop, write
         self._looked_s = -float("inf")
         self.stage: str | None = None
+        self._shown: str | None = None
 
     def show(self, stage: str | None, share: float) -> bool:
         """So much is done, 0..1; whether it was written. Raises ``Interrupted`` or ``Discarded``."""
         if self._should_stop():
             raise Interrupted
-        now_s, changed = time.monotonic(), stage != self.stage
-        self.stage = stage
-        if now_s - self._looked_s < LOOK_EVERY_S and not changed:
+        now_s, self.stage = time.monotonic(), stage
+        every_s = LOOK_EVERY_S if stage == self._shown else min(STAGE_EVERY_S, LOOK_EVERY_S)
+        if now_s - self._looked_s < every_s:
             return False
-        self._looked_s = now_s
+        self._looked_s, self._shown = now_s, stage
         with self._sessions.begin() as session:
             if not self._write(session, stage, min(max(share, 0.0), 1.0)):
                 raise Discarded

@@ -17,7 +17,7 @@ from app.core.errors import BusyError
 from app.core.settings import Settings
 from app.drives.worker import REQUESTS
 from app.jobs.context import JobContext
-from app.jobs.requests import upkeep
+from app.jobs.requests import run, upkeep
 from app.jobs.requests.run import Discarded, RequestKind, RequestRun, fail, perform
 from app.jobs.requests.store import Failure
 from app.jobs.task import Interrupted, Work
@@ -151,3 +151,28 @@ def test_one_that_lost_its_job_gets_another(kind: Kind, context: JobContext, num
     assert jobs(context.sessions) == 1
     upkeep.look_after(kind, context)
     assert jobs(context.sessions) == 1
+
+
+def test_short_stages_are_not_shown_but_the_last_is(
+    sessions: Sessions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s, shown = [100.0], list[tuple[str | None, float]]()
+    monkeypatch.setattr(run.time, "monotonic", lambda: now_s[0])
+
+    def write(_session: Any, stage: str | None, share: float) -> bool:
+        shown.append((stage, share))
+        return True
+
+    progress = run.Progress(sessions, lambda: False, write)
+    for after_s, stage, share in [
+        (0.0, "reading", 0.0),
+        (0.1, "roads", 0.1),  # short: not shown
+        (0.15, "match", 0.2),
+        (0.25, "match", 0.3),
+        (0.4, "match", 0.4),  # the same stage again, too early
+        (0.8, "match", 0.5),
+    ]:
+        now_s[0] = 100.0 + after_s
+        progress.show(stage, share)
+        assert progress.stage == stage
+    assert shown == [("reading", 0.0), ("match", 0.3), ("match", 0.5)]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from sqlalchemy import text
+from sqlalchemy.exc import OperationalError
 
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
@@ -17,6 +20,7 @@ from app.network import results
 from app.network.settle import settle_network
 from fusion.network import duplicates as same_drives
 from fusion.network.duplicates import DriveTrace, is_duplicate
+from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import (
@@ -227,3 +231,61 @@ def test_what_is_decided_one_by_one_is_what_is_decided_at_once(
         named = {row.id: rows_[again[k]].id if k in again else None for k, row in enumerate(rows_)}
         assert {row.id: row.duplicate_of for row in rows_} == named
     assert len(set(named.values())) > 2
+
+
+def waits(sessions: Sessions, held: Sequence[PassFactor], wanted: Sequence[PassFactor]) -> bool:
+    """Whether a drive that is about to store some passes waits for another that is at it."""
+    one, other = new_drive(sessions), new_drive(sessions)
+    with sessions() as session, sessions() as beside:
+        results.begin_change(session, one, held)
+        beside.execute(text("SET LOCAL lock_timeout = '200ms'"))
+        try:
+            results.begin_change(beside, other, wanted)
+        except OperationalError:
+            return True
+        return False
+
+
+def test_drives_of_a_place_and_hour_come_one_after_the_other(
+    sessions: Sessions, streets_apart: tuple[RoadTable, Ints]
+) -> None:
+    table, ids = streets_apart
+
+    def over(rows: range, begin_s: float) -> list[PassFactor]:
+        made = passes_of(table, dict.fromkeys(rows, (2.0, 0.5)), begin_s=begin_s)
+        return results.in_database([factor for factor, _ in made], ids)
+
+    here = over(range(8), BEGIN_S)
+    assert waits(sessions, here, over(range(8), BEGIN_S))
+    assert not waits(sessions, here, over(range(8), BEGIN_S + 7200.0))
+    assert not waits(sessions, here, over(range(8, 16), BEGIN_S))
+
+
+@pytest.mark.parametrize("apart_s", [-2.9, 2.9])
+def test_the_same_entry_at_the_edge_of_an_hour_is_of_both_hours(
+    sessions: Sessions, streets_apart: tuple[RoadTable, Ints], apart_s: float
+) -> None:
+    table, ids = streets_apart
+    full_hour_s = 3600.0 * round(BEGIN_S / 3600.0)
+    one, other = (
+        [replace(factor.over(int(ids[0])), first_time_s=moment_s)]
+        for factor, _ in passes_of(table, {0: (2.0, 0.5)})
+        for moment_s in (full_hour_s, full_hour_s + apart_s)
+    )
+    assert waits(sessions, one, other)
+    assert waits(sessions, other, one)
+
+
+def test_a_drive_that_is_removed_keeps_others_out_where_it_was(
+    sessions: Sessions, streets_apart: tuple[RoadTable, Ints]
+) -> None:
+    table, ids = streets_apart
+    stored = drive_over(sessions, table, ids, dict.fromkeys(range(8), (2.0, 0.5)), BEGIN_S)
+    made = passes_of(table, dict.fromkeys(range(16), (2.0, 0.5)), begin_s=BEGIN_S)
+    factors = results.in_database([factor for factor, _ in made], ids)
+    for passes, expected in ((factors[:8], True), (factors[8:], False)):
+        with sessions() as session, sessions() as beside:
+            results.begin_change(session, stored)
+            beside.execute(text("SET LOCAL lock_timeout = '200ms'"))
+            with pytest.raises(OperationalError) if expected else nullcontext():
+                results.begin_change(beside, new_drive(sessions), passes)
