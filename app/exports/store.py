@@ -26,7 +26,13 @@ AGAIN_S = 30
 """Whoever has as many under way as may be is told to come again after so long."""
 
 exports = RequestStore(
-    "export", tables.Export, Export.of, MAKE_EXPORT, "exports", on_claim={"data_version": None}
+    "export",
+    tables.Export,
+    Export.of,
+    MAKE_EXPORT,
+    "exports",
+    on_claim={"data_version": None},
+    one_of_lanes=4,
 )
 
 _OWNER = text("SELECT owner_id FROM exports WHERE id = :id")

@@ -44,7 +44,7 @@ def _rows(table: Table) -> Select[Any]:
     return of_drive.where(text(IS_SHOWN.format("drives")))
 
 
-trials = RequestStore("trial", DriveTrial, Trial.of, TRY_DRIVE, "trials", rows=_rows)
+trials = RequestStore("trial", DriveTrial, Trial.of, TRY_DRIVE, "trials", rows=_rows, one_of_lanes=4)
 
 # A removal that is under way is waited for.
 _KEEP_DRIVE = text(f"""

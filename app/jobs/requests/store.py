@@ -60,6 +60,17 @@ _JOBLESS = """
     ORDER BY created_at FOR UPDATE SKIP LOCKED
 """
 
+# Jobs with one lock run one after the other; of several locks a job gets the one that fewest have. A lane that died is
+# counted until others take it off the list: half a minute.
+_LOCK = text("""
+    WITH places AS (
+        SELECT generate_series(0, greatest(count(*) / :lanes, 1) - 1) AS place FROM procrastinate_workers)
+    SELECT p.place FROM places AS p
+    LEFT JOIN procrastinate_jobs AS j
+        ON j.status IN ('todo', 'doing') AND j.lock = CASE p.place WHEN 0 THEN :lock ELSE :lock || ' ' || p.place END
+    GROUP BY p.place ORDER BY count(j.id), p.place LIMIT 1
+""")
+
 # Jobs that go first, and that no lane has taken yet.
 _OTHERS_WAIT = text("""
     SELECT EXISTS (
@@ -81,16 +92,18 @@ class RequestStore(Generic[R]):
         *,
         rows: Callable[[Table], Select[Any]] = select,
         on_claim: Mapping[str, Any] | None = None,
+        one_of_lanes: int | None = None,
     ) -> None:
-        """``name`` and ``plural``: what people call one and several; a job's argument is ``name``_id. ``plural`` is the
-        lock by which jobs run one after the other, which leaves all lanes but one to drives. ``rows`` selects what the
-        document needs, ``on_claim`` are columns that a run begins with."""
+        """``name`` and ``plural``: what people call one and several; a job's argument is ``name``_id. Jobs run one
+        after the other, which leaves all lanes but one to drives; or at once in one of every ``one_of_lanes`` lanes of
+        all machines. ``rows`` selects what the document needs, ``on_claim`` are columns that a run begins with."""
         self.name, self.plural, self.job = name, plural, job
         self.argument = f"{name}_id"
         self._document = document
         self._table = cast(Table, table.__table__)  # type: ignore[attr-defined]
         self._rows = rows(self._table)
         self._on_claim = dict(on_claim or {})
+        self._one_of_lanes = one_of_lanes
         self._jobless = text(_JOBLESS.format(table=self._table.name))
 
     def add(self, session: Session, **columns: Any) -> R:
@@ -224,7 +237,12 @@ class RequestStore(Generic[R]):
         return bool(session.execute(_OTHERS_WAIT, {"priority": self.job.priority}).scalar_one())
 
     def _add_job(self, session: Session, number: uuid.UUID) -> None:
-        add_job(session, self.job, lock=self.plural, **{self.argument: str(number)})
+        place = 0
+        if self._one_of_lanes is not None:
+            values = {"lock": self.plural, "lanes": self._one_of_lanes}
+            place = session.execute(_LOCK, values).scalar_one()
+        lock = f"{self.plural} {place}" if place else self.plural
+        add_job(session, self.job, lock=lock, **{self.argument: str(number)})
 
     def _where(self, **equal: Any) -> Select[Any]:
         return self._rows.where(*(self._table.c[name] == value for name, value in equal.items()))
