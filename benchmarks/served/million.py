@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 from sqlalchemy import text
 from sqlalchemy.orm import Session
@@ -58,11 +59,8 @@ def fill(sessions: Sessions, roads: Path, folder: Path, segments: int = 1_000_00
     """Fill an empty database of the present schema; ``folder`` is for what an import keeps."""
     import_roads(sessions, roads, folder)
     with sessions.begin() as session:
-        there, west, east = session.execute(_EXTENT).one()
-        apart = math.ceil((east - west) / TILE_DEG + 1e-9) * TILE_DEG
-        for copy in range(1, math.ceil(segments / there)):
-            limit = min(there, segments - copy * there)
-            _copy(session, copy, copy * apart, limit)
+        for copy in copies(session, segments):
+            copy_roads(session, copy)
     with sessions.begin() as session:
         session.execute(_SLOPES)
         session.execute(_PUBLISHED)
@@ -71,6 +69,23 @@ def fill(sessions: Sessions, roads: Path, folder: Path, segments: int = 1_000_00
         session.connection(execution_options={"isolation_level": "AUTOCOMMIT"}).exec_driver_sql(_ANALYZE)
 
 
-def _copy(session: Session, copy: int, shift_deg: float, limit: int) -> None:
-    values = {"number": copy * NUMBERS, "numbers": NUMBERS, "shift_deg": shift_deg, "limit": limit}
-    session.execute(_COPY, values)
+class Copy(NamedTuple):
+    """One copy of the first roads: its number, from 1 on, how far east it lies, and how many segments it has."""
+
+    number: int
+    shift_deg: float
+    segments: int
+
+
+def copies(session: Session, segments: int) -> list[Copy]:
+    """Those that make so many segments of the ones that are there."""
+    there, west, east = session.execute(_EXTENT).one()
+    apart = math.ceil((east - west) / TILE_DEG + 1e-9) * TILE_DEG
+    numbers = range(1, math.ceil(segments / there))
+    return [Copy(n, n * apart, min(there, segments - n * there)) for n in numbers]
+
+
+def copy_roads(session: Session, copy: Copy) -> None:
+    """Add its roads."""
+    values = {"number": copy.number * NUMBERS, "numbers": NUMBERS, "shift_deg": copy.shift_deg}
+    session.execute(_COPY, {**values, "limit": copy.segments})

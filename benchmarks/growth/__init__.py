@@ -1,0 +1,1 @@
+"""What a service's figures become when its map and its evidence grow."""
