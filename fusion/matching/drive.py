@@ -93,6 +93,10 @@ class DriveMatcher:
     with costs divided by ``temperature``): it is the share of their probability that goes over the same chain at the
     same time, at the sample where this share is greatest. On ways that no sample saw, the confidence is lowered where
     the length fits badly.
+
+    Two limits. Over a gap only the shortest way is a candidate, so that a faster, longer one is not found, and speeds
+    around the gap are not asked. Errors that positions share for a minute or more count as if they were independent:
+    between parallel roads as near as the noise, the confidence is too high.
     """
 
     def __init__(self, network: RoadNetwork, options: MatchOptions = MatchOptions()) -> None:
