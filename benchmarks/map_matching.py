@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Map matching against hand-corrected routes: the drive matcher, the survey's matchers and LeuvenMapMatching.
 
-    python benchmarks/map_matching.py DATA_DIR [--methods NAME ...] [--skip-leuven] [--leuven N] [--out DIR]
-                                      [--json FILE]
+    python benchmarks/map_matching.py DATA_DIR [--methods NAME ...] [--skip-leuven] [--leuven N] [--hour]
+                                      [--out DIR] [--json FILE]
 
 DATA_DIR holds tracks of the collection of Kubicka et al. (2015), in subfolders or flat: X.track (lon lat time),
 X.nodes (lon lat), X.arcs (from to, directed, 0-based), X.route (rows of arcs). Tracks 0 to 18 served for tuning and
@@ -11,7 +11,8 @@ are shown apart from the rest.
 E = (missed + added) / true length, of directed arcs, by the heaviest common subsequence of the true and the matched
 route: Newson & Krumm 2009, made aware of order, direction and repeats. Points per second: all raw points, by the
 processor time of one thread, second pass, median over the tracks; preparing the matcher for a network is counted
-apart (median seconds).
+apart (median seconds). ``--hour`` adds an hour of simulated driving at 10 Hz through a town (M8 receiver, positions
+alone), whose true way is known: what a dense log costs.
 
     drive    fusion.matching.drive.DriveMatcher, default settings
     the names in fusion.published.matchers.MATCHERS, default settings
@@ -31,8 +32,9 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -43,11 +45,16 @@ from fusion.matching.drive import DriveMatcher
 from fusion.matching.samples import DriveSamples, thin
 from fusion.published.matchers import MATCHERS
 from fusion.published.matchers.base import PointMatcher, PointMatches
+from fusion.roads.network import RoadNetwork
+from fusion.simulate.drive import simulate_drive
+from fusion.simulate.scene.town import make_town
 from fusion.types import Ints
 from published.matchers import leuven
 from published.matchers.tracks import Track, error, find_tracks, read_track
 
 LAST_TUNED = 18
+HOUR = "hour"
+PARTS = ("0-18", "rest", HOUR)
 SPACING_M = 14.0
 
 Figures = dict[str, Any]
@@ -140,6 +147,33 @@ METHODS: dict[str, Callable[[Track], Result]] = {
 }
 
 
+def hour() -> Track:
+    """An hour of driving at 10 Hz: arc 2 s is segment s forward, 2 s + 1 backward."""
+    town = make_town(seed=1)
+    drive = simulate_drive(town, seed=5, duration_s=3600.0, rate_hz=10.0, receiver="m8")
+    x, y = (np.where(drive.has_gnss, place, np.nan) for place in (drive.gnss.x_m, drive.gnss.y_m))
+    lon, lat = drive.lonlat()
+    network = RoadNetwork.project(town.roads, town.projection)
+    t, n = network.table, len(network)
+    arcs = np.column_stack([t.from_node, t.to_node, t.to_node, t.from_node]).reshape(2 * n, 2)
+    route = np.array([2 * p.segment + (0 if p.forward else 1) for p in drive.passes()])
+    return Track(
+        name=HOUR,
+        time_s=drive.time_s,
+        x_m=x,
+        y_m=y,
+        lat_deg=lat,
+        lon_deg=lon,
+        network=network,
+        arc_of=np.arange(2 * n).reshape(n, 2),
+        same=np.arange(2 * n),
+        arc_length_m=np.repeat(network.length_m, 2),
+        arcs=arcs,
+        nodes_deg=np.empty((0, 2)),
+        route=route,
+    )
+
+
 def methods_of(args: argparse.Namespace) -> list[str]:
     """The methods that are asked for and can run, in the order of ``METHODS``."""
     methods = [name for name in METHODS if name in args.methods]
@@ -151,9 +185,11 @@ def methods_of(args: argparse.Namespace) -> list[str]:
     return methods
 
 
-def part_of(path: Path) -> str:
-    """Whether a track served for tuning."""
-    return "0-18" if path.stem.isdigit() and int(path.stem) <= LAST_TUNED else "rest"
+def part_of(name: str) -> str:
+    """Whether a track served for tuning, or is simulated."""
+    if name == HOUR:
+        return HOUR
+    return "0-18" if name.isdigit() and int(name) <= LAST_TUNED else "rest"
 
 
 def run(args: argparse.Namespace) -> list[Figures]:
@@ -165,9 +201,12 @@ def run(args: argparse.Namespace) -> list[Figures]:
     if args.out:
         args.out.mkdir(parents=True, exist_ok=True)
     rows: list[Figures] = []
-    tracks_of = {"0-18": 0, "rest": 0}
-    for number, path in enumerate(paths):
-        track, part = read_track(path), part_of(path)
+    tracks_of = dict.fromkeys(PARTS, 0)
+    tracks: Iterable[Track] = map(read_track, paths)
+    if args.hour:
+        tracks = chain([hour()], tracks)
+    for number, track in enumerate(tracks):
+        part = part_of(track.name)
         tracks_of[part] += 1
         for method in methods:
             if method == "leuven" and args.leuven is not None and tracks_of[part] > args.leuven:
@@ -187,14 +226,14 @@ def run(args: argparse.Namespace) -> list[Figures]:
             if method == "drive" and args.out:
                 (args.out / f"{track.name}.arcs").write_text("".join(f"{a}\n" for a in arcs))
         if sys.stderr.isatty():
-            print(f"\r{number + 1}/{len(paths)} tracks ", end="", file=sys.stderr)
+            print(f"\r{number + 1}/{len(paths) + args.hour} tracks ", end="", file=sys.stderr)
     return rows
 
 
 def summarise(rows: list[Figures]) -> list[Figures]:
     """One row per part and method."""
     out: list[Figures] = []
-    for part in ("0-18", "rest"):
+    for part in PARTS:
         for method in METHODS:
             mine = [r for r in rows if r["part"] == part and r["method"] == method]
             if mine:
@@ -243,6 +282,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, metavar="DIR")
     parser.add_argument("--leuven", type=int, metavar="N", help="LeuvenMapMatching on N tracks of each part")
+    parser.add_argument("--hour", action="store_true", help="add an hour of simulated driving at 10 Hz")
     parser.add_argument("--skip-leuven", action="store_true")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()

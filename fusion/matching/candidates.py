@@ -6,6 +6,7 @@ Knows each sample by itself, nothing of those before and after.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,107 +14,128 @@ from fusion.compiled import compiled, inlined
 from fusion.matching.chains import ChainGraph
 from fusion.matching.lattice import Candidates
 from fusion.roads.grid import SegmentGrid, clamp_cell
-from fusion.types import Floats, Ints
+from fusion.types import Bools, Floats, Ints
+
+
+class Likelihoods(NamedTuple):
+    """How likely places are: weight and bound of the course, costs of being off the road; see ``MatchOptions``."""
+
+    heading_weight: float
+    heading_cap: float
+    off_point: float
+    off_far: float
+
+
+class Seen(NamedTuple):
+    """Samples as the search for candidates takes them: shape (m,) each, ``heading`` NaN where it says nothing."""
+
+    x_m: Floats
+    y_m: Floats
+    heading_rad: Floats
+    sigma_m: Floats
+    radius_m: Floats
 
 
 @compiled
-def find_candidates(
-    graph: ChainGraph,
-    grid: SegmentGrid,
-    x: Floats,
-    y: Floats,
-    heading: Floats,
-    sigma: Floats,
-    radius: Floats,
-    weight: float,
-    cap: float,
-    off_near: float,
-    off_far: float,
-) -> Candidates:
+def find_candidates(graph: ChainGraph, grid: SegmentGrid, seen: Seen, likely: Likelihoods) -> Candidates:
     """For each kept sample the places, within its radius, at which the distance to a chain has a local minimum.
 
     A place at the very start of a chain is left out where another chain arrives, since the end of that one is the same
-    place. Being off the road costs ``off_near``, or ``off_far`` where no place is likelier than that.
+    place. Being off the road costs ``off_point``, or ``off_far`` where no place is likelier than that.
     """
-    m = len(x)
-    start = np.zeros(m + 1, np.int64)
-    size = 16 * m + 64
-    edge, at, cost = np.empty(size, np.int64), np.empty(size), np.empty(size)
-    off = np.full(m, off_far)
-    seen = np.full(len(graph.segment), -1, np.int64)
-    count = 0
-    shape, items = graph.shape, grid.items
-    for k in range(m):
-        px, py, reach, square = x[k], y[k], radius[k], radius[k] * radius[k]
-        scale = 0.5 / (sigma[k] * sigma[k])
-        cosine, sine = np.nan, np.nan
-        if not math.isnan(heading[k]):
-            cosine, sine = math.cos(heading[k]), math.sin(heading[k])
-        low = clamp_cell(px - reach - grid.west, grid.cell_m, grid.columns)
-        high = clamp_cell(px + reach - grid.west, grid.cell_m, grid.columns)
-        bottom = clamp_cell(py - reach - grid.south, grid.cell_m, grid.rows)
-        top = clamp_cell(py + reach - grid.south, grid.cell_m, grid.rows)
+    m = len(seen.x_m)
+    size = 8 * m + 256
+    found = Candidates(
+        np.zeros(m + 1, np.int64),
+        np.empty(size, np.int64),
+        np.empty(size),
+        np.empty(size),
+        np.full(m, likely.off_far),
+    )
+    last_seen = np.full(len(graph.segment), -1, np.int64)
+    k, count = 0, 0
+    while True:
+        k, count = _search(graph, grid, seen, likely, found, last_seen, k, count)
+        if k == m:
+            break
+        found = _larger(found, count)
+    return Candidates(found.start, found.edge[:count], found.at_m[:count], found.cost[:count], found.off)
+
+
+@compiled
+def _search(
+    graph: ChainGraph,
+    grid: SegmentGrid,
+    seen: Seen,
+    likely: Likelihoods,
+    found: Candidates,
+    last_seen: Ints,
+    k: int,
+    count: int,
+) -> tuple[int, int]:
+    """Go on from sample k as long as there is room: the sample that has none, the new count of candidates.
+
+    ``last_seen`` holds, by segment, the last sample that met it: a segment lies in several cells.
+    """
+    shape, chain, first, cum_m, length_m = graph.shape, graph.chain, graph.first, graph.cum_m, graph.length_m
+    both, tail, arrivals = graph.both, graph.tail, graph.arrivals
+    x, y, heading, sigma, radius = seen
+    start, edge, at, cost, off = found
+    cell, items = grid.start, grid.items
+    while k < len(x):
+        px, py, square, scale = x[k], y[k], radius[k] * radius[k], 0.5 / (sigma[k] * sigma[k])
+        low, high, bottom, top = _cells(grid, px, py, radius[k])
+        most = _items_in(cell, grid.columns, low, high, bottom, top)
+        if count + 2 * most > len(edge):
+            break
+        with_heading = likely.heading_weight > 0.0 and not math.isnan(heading[k])
+        cosine, sine = math.cos(heading[k]), math.sin(heading[k])
         for row in range(bottom, top + 1):
-            begin = grid.start[row * grid.columns + low]
-            end = grid.start[row * grid.columns + high + 1]
-            if count + 2 * (end - begin) > size:
-                size = 2 * (count + 2 * (end - begin))
-                edge, at, cost = _grown(edge, at, cost, count, size)
-            for item in range(begin, end):
+            for item in range(cell[row * grid.columns + low], cell[row * grid.columns + high + 1]):
                 r = items[item]
-                dx, dy = px - shape[r, 0], py - shape[r, 1]
-                share = (dx * shape[r, 2] + dy * shape[r, 3]) * shape[r, 4]
+                if last_seen[r] == k:
+                    continue
+                last_seen[r] = k
+                share = _share(shape, r, px, py)
                 t = min(max(share, 0.0), 1.0)
-                dx, dy = dx - t * shape[r, 2], dy - t * shape[r, 3]
+                dx, dy = px - shape[r, 0] - t * shape[r, 2], py - shape[r, 1] - t * shape[r, 3]
                 d2 = dx * dx + dy * dy
-                if d2 > square or seen[r] == k:
+                if d2 > square:
                     continue
-                seen[r] = k
-                if d2 * scale < off_near:
-                    off[k] = off_near
-                if not _local_minimum(graph, r, share, px, py):
+                if d2 * scale < likely.off_point:
+                    off[k] = likely.off_point
+                c = chain[r]
+                if not _local_minimum(shape, first[c], first[c + 1], r, share, px, py):
                     continue
-                count = _add(graph, r, t, d2 * scale, cosine, sine, weight, cap, edge, at, cost, count)
-        start[k + 1] = count
-    return Candidates(start, edge[:count], at[:count], cost[:count], off)
+                end = cum_m[r + 1] if r + 1 < first[c + 1] else length_m[c]
+                along = end if t >= 1.0 else cum_m[r] + t * (end - cum_m[r])
+                before = count
+                count = _note(both, arrivals, tail, edge, at, cost, count, c, along, length_m[c], d2 * scale)
+                if with_heading:
+                    _add_heading(shape, r, cosine, sine, likely, edge, cost, before, count)
+        k += 1
+        start[k] = count
+    return k, count
 
 
 @inlined
-def _add(
-    graph: ChainGraph,
-    r: int,
-    t: float,
-    base: float,
-    cosine: float,
-    sine: float,
-    weight: float,
-    cap: float,
-    edge: Ints,
-    at: Floats,
-    cost: Floats,
-    count: int,
-) -> int:
-    """Write the one or two directions of a place on segment r; the new count."""
-    c = graph.chain[r]
-    length = graph.length_m[c]
-    end = graph.cum_m[r + 1] if r + 1 < graph.first[c + 1] else length
-    along = end if t >= 1.0 else graph.cum_m[r] + t * (end - graph.cum_m[r])
-    with_heading = weight > 0.0 and not math.isnan(cosine)
-    for turn in range(2):
-        if turn == 1 and not graph.both[c]:
-            break
-        e = 2 * c + turn
-        place = along if turn == 0 else length - along
-        if place <= 0.0:
-            others = graph.arrivals[graph.tail[e]] - (1 if graph.both[c] else 0)
-            if others > 0:
-                continue
-        edge[count], at[count], cost[count] = e, place, base
-        if with_heading:
-            sign = 1.0 if turn == 0 else -1.0
-            cost[count] += _heading_cost(graph, r, sign * cosine, sign * sine, weight, cap)
-        count += 1
-    return count
+def _cells(grid: SegmentGrid, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
+    """First and last column, first and last row of the cells around a place."""
+    return (
+        clamp_cell(x - reach - grid.west, grid.cell_m, grid.columns),
+        clamp_cell(x + reach - grid.west, grid.cell_m, grid.columns),
+        clamp_cell(y - reach - grid.south, grid.cell_m, grid.rows),
+        clamp_cell(y + reach - grid.south, grid.cell_m, grid.rows),
+    )
+
+
+@inlined
+def _items_in(cell: Ints, columns: int, low: int, high: int, bottom: int, top: int) -> int:
+    """How many segments the cells list, some of them more than once."""
+    total = 0
+    for row in range(bottom, top + 1):
+        total += cell[row * columns + high + 1] - cell[row * columns + low]
+    return total
 
 
 @inlined
@@ -123,26 +145,69 @@ def _share(shape: Floats, r: int, x: float, y: float) -> float:
 
 
 @inlined
-def _local_minimum(graph: ChainGraph, r: int, share: float, x: float, y: float) -> bool:
-    """Whether the distance to the chain has a minimum on segment r; one at a vertex belongs to its first."""
+def _local_minimum(shape: Floats, first: int, end: int, r: int, share: float, x: float, y: float) -> bool:
+    """Whether the distance to the chain of the segments from ``first`` to ``end`` has a minimum on segment r.
+
+    One at a vertex belongs to its first segment.
+    """
     if share >= 1.0:
-        following = r + 1
-        if following < graph.first[graph.chain[r] + 1]:
-            return _share(graph.shape, following, x, y) <= 0.0
-        return True
-    return share > 0.0 or r == graph.first[graph.chain[r]]
+        return r + 1 == end or _share(shape, r + 1, x, y) <= 0.0
+    return share > 0.0 or r == first
 
 
 @inlined
-def _heading_cost(graph: ChainGraph, r: int, cosine: float, sine: float, weight: float, cap: float) -> float:
-    """Cost of driving along segment r with a course: bounded, as courses may be wild."""
-    along = (graph.shape[r, 2] * cosine + graph.shape[r, 3] * sine) * math.sqrt(graph.shape[r, 4])
-    return cap * (1.0 - math.exp(-weight * (1.0 - along) / cap))
+def _note(
+    both: Bools,
+    arrivals: Ints,
+    tail: Ints,
+    edge: Ints,
+    at: Floats,
+    cost: Floats,
+    count: int,
+    c: int,
+    along: float,
+    length: float,
+    value: float,
+) -> int:
+    """Write the one or two directions of a place on chain c; the new count."""
+    for turn in range(2 if both[c] else 1):
+        e, place = 2 * c + turn, along if turn == 0 else length - along
+        if place <= 0.0 and arrivals[tail[e]] > (1 if both[c] else 0):
+            continue
+        edge[count], at[count], cost[count] = e, place, value
+        count += 1
+    return count
+
+
+@inlined
+def _add_heading(
+    shape: Floats,
+    r: int,
+    cosine: float,
+    sine: float,
+    likely: Likelihoods,
+    edge: Ints,
+    cost: Floats,
+    begin: int,
+    end: int,
+) -> None:
+    """Add the cost of driving along segment r with a course: bounded, as courses may be wild."""
+    along = (shape[r, 2] * cosine + shape[r, 3] * sine) * math.sqrt(shape[r, 4])
+    for b in range(begin, end):
+        agree = -along if edge[b] & 1 else along
+        cost[b] += likely.heading_cap * (
+            1.0 - math.exp(-likely.heading_weight * (1.0 - agree) / likely.heading_cap)
+        )
 
 
 @compiled
-def _grown(edge: Ints, at: Floats, cost: Floats, count: int, size: int) -> tuple[Ints, Floats, Floats]:
-    """The first ``count`` rows in longer arrays."""
-    more_edge, more_at, more_cost = np.empty(size, np.int64), np.empty(size), np.empty(size)
-    more_edge[:count], more_at[:count], more_cost[:count] = edge[:count], at[:count], cost[:count]
-    return more_edge, more_at, more_cost
+def _larger(old: Candidates, count: int) -> Candidates:
+    """The first ``count`` candidates with twice as much room."""
+    size = 2 * len(old.edge)
+    new = Candidates(old.start, np.empty(size, np.int64), np.empty(size), np.empty(size), old.off)
+    new.edge[:count], new.at_m[:count], new.cost[:count] = (
+        old.edge[:count],
+        old.at_m[:count],
+        old.cost[:count],
+    )
+    return new

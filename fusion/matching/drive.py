@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fusion.matching.candidates import find_candidates
+from fusion.matching.candidates import Likelihoods, Seen, find_candidates
 from fusion.matching.chains import Reach, build_chains
 from fusion.matching.lattice import LONG_STEP_S, Candidates, Costs, Intervals
 from fusion.matching.path import NO_ROAD, Break, PathMatch, empty_match
@@ -93,6 +93,10 @@ class DriveMatcher:
     with costs divided by ``temperature``): it is the share of their probability that goes over the same chain at the
     same time, at the sample where this share is greatest. On ways that no sample saw, the confidence is lowered where
     the length fits badly.
+
+    Two limits. Over a gap only the shortest way is a candidate, so that a faster, longer one is not found, and speeds
+    around the gap are not asked. Errors that positions share for a minute or more count as if they were independent:
+    between parallel roads as near as the noise, the confidence is too high.
     """
 
     def __init__(self, network: RoadNetwork, options: MatchOptions = MatchOptions()) -> None:
@@ -147,19 +151,15 @@ class DriveMatcher:
         """Where each kept sample may be; at walking pace its course says nothing."""
         o = self.options
         slow = drive.speed_mps[thinned] < o.heading_mps
-        return find_candidates(
-            self._graph,
-            self._grid,
+        seen = Seen(
             drive.x_m[thinned],
             drive.y_m[thinned],
             np.where(slow, np.nan, drive.heading_rad[thinned]),
             self._sigma(drive.sigma_m[thinned]),
             self._reach(drive.sigma_m[thinned]),
-            o.heading_weight,
-            o.heading_cap,
-            o.off_point,
-            o.off_far,
         )
+        likely = Likelihoods(o.heading_weight, o.heading_cap, o.off_point, o.off_far)
+        return find_candidates(self._graph, self._grid, seen, likely)
 
     def _sigma(self, given: Floats) -> Floats:
         """Noise across the road: the receiver's and the map's."""

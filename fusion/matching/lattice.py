@@ -69,16 +69,21 @@ class Lattice(NamedTuple):
 
     cost: Floats
     back: Ints
-    kind: Ints
+    kind: NDArray[np.int8]
     length_m: Floats
     off_cost: Floats
     off_back: Ints
 
 
 class Transitions(NamedTuple):
-    """All steps between candidates that were possible; those to sample k are ``start[k]`` to ``start[k + 1]``."""
+    """All steps between candidates that were possible; those to sample k are ``start[k]`` to ``start[k + 1]``.
+
+    ``kind`` and ``length_m`` as in ``Lattice``.
+    """
 
     start: Ints
     source: Ints
     target: Ints
     cost: Floats
+    kind: NDArray[np.int8]
+    length_m: Floats

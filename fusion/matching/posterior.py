@@ -87,16 +87,18 @@ def _forward(
 ) -> tuple[Floats, Floats]:
     """Alpha of every candidate and of being off the road."""
     weight, likelihood, off, switch = chances
+    start, outage = cand.start, intervals.outage
+    first_step, source, target = transitions.start, transitions.source, transitions.target
     m = len(off)
-    alpha, alpha_off = np.zeros(len(cand.edge)), np.zeros(m)
+    alpha, alpha_off = np.zeros(len(likelihood)), np.zeros(m)
     for k in range(m):
-        a0, b0, b1 = cand.start[max(k - 1, 0)], cand.start[k], cand.start[k + 1]
-        if k == 0 or intervals.outage[k]:
+        a0, b0, b1 = start[max(k - 1, 0)], start[k], start[k + 1]
+        if k == 0 or outage[k]:
             alpha[b0:b1] = likelihood[b0:b1]
             alpha_off[k] = off[k]
         else:
-            for i in range(transitions.start[k], transitions.start[k + 1]):
-                alpha[transitions.target[i]] += alpha[transitions.source[i]] * weight[i]
+            for i in range(first_step[k], first_step[k + 1]):
+                alpha[target[i]] += alpha[source[i]] * weight[i]
             alpha_off[k] = off[k] * (alpha_off[k - 1] + alpha[a0:b0].sum() * switch[k])
             for b in range(b0, b1):
                 alpha[b] = (alpha[b] + alpha_off[k - 1] * switch[k - 1]) * likelihood[b]
@@ -110,18 +112,20 @@ def _backward(
 ) -> tuple[Floats, Floats]:
     """Beta of every candidate and of being off the road."""
     weight, likelihood, off, switch = chances
+    start, outage = cand.start, intervals.outage
+    first_step, source, target = transitions.start, transitions.source, transitions.target
     m = len(off)
-    beta, beta_off = np.zeros(len(cand.edge)), np.ones(m)
+    beta, beta_off = np.zeros(len(likelihood)), np.ones(m)
     for k in range(m - 1, -1, -1):
-        b0, b1 = cand.start[k], cand.start[k + 1]
-        if k == m - 1 or intervals.outage[k + 1]:
+        b0, b1 = start[k], start[k + 1]
+        if k == m - 1 or outage[k + 1]:
             beta[b0:b1] = 1.0
         else:
-            for i in range(transitions.start[k + 1], transitions.start[k + 2]):
-                b = transitions.target[i]
-                beta[transitions.source[i]] += weight[i] * likelihood[b] * beta[b]
+            for i in range(first_step[k + 1], first_step[k + 2]):
+                b = target[i]
+                beta[source[i]] += weight[i] * likelihood[b] * beta[b]
             beta_off[k] = off[k + 1] * beta_off[k + 1]
-            for b in range(b1, cand.start[k + 2]):
+            for b in range(b1, start[k + 2]):
                 beta_off[k] += switch[k] * likelihood[b] * beta[b]
             for a in range(b0, b1):
                 beta[a] += switch[k + 1] * off[k + 1] * beta_off[k + 1]
@@ -142,11 +146,11 @@ def _scale(values: Floats, begin: int, end: int, off: Floats, k: int) -> None:
 
 
 @inlined
-def _on_chain(cand: Candidates, k: int, edge: int, gamma: Floats) -> float:
+def _on_chain(start: Ints, chain: Ints, k: int, edge: int, gamma: Floats) -> float:
     """The probability that sample k lies on a directed chain."""
     total = 0.0
-    for b in range(cand.start[k], cand.start[k + 1]):
-        if cand.edge[b] == edge:
+    for b in range(start[k], start[k + 1]):
+        if chain[b] == edge:
             total += gamma[b]
     return total
 
@@ -163,38 +167,40 @@ def _of_path(
 ) -> Posterior:
     """Sum the probabilities of all states and steps that agree with the path."""
     weight, likelihood = chances.weight, chances.likelihood
+    start, chain, outage = cand.start, cand.edge, intervals.outage
+    first_step, source, target = transitions.start, transitions.source, transitions.target
     (alpha, alpha_off), (beta, beta_off) = forward, backward
     m = len(state)
     at, out, into, between = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
     gamma = alpha * beta
     for k in range(m):
         total = alpha_off[k] * beta_off[k]
-        for b in range(cand.start[k], cand.start[k + 1]):
+        for b in range(start[k], start[k + 1]):
             total += gamma[b]
-        for b in range(cand.start[k], cand.start[k + 1]):
+        for b in range(start[k], start[k + 1]):
             gamma[b] /= max(total, 1e-300)
         if state[k] == OFF:
             continue
-        edge = cand.edge[state[k]]
-        at[k] = min(_on_chain(cand, k, edge, gamma), 1.0)
-        if k == 0 or intervals.outage[k] or state[k - 1] == OFF or cand.edge[state[k - 1]] == edge:
+        edge = chain[state[k]]
+        at[k] = min(_on_chain(start, chain, k, edge, gamma), 1.0)
+        if k == 0 or outage[k] or state[k - 1] == OFF or chain[state[k - 1]] == edge:
             continue
-        left = cand.edge[state[k - 1]]
+        left = chain[state[k - 1]]
         whole, from_left, in_left, in_edge = 0.0, 0.0, 0.0, 0.0
-        for i in range(transitions.start[k], transitions.start[k + 1]):
-            a, b = transitions.source[i], transitions.target[i]
+        for i in range(first_step[k], first_step[k + 1]):
+            a, b = source[i], target[i]
             p = alpha[a] * weight[i] * likelihood[b] * beta[b]
             whole += p
-            if cand.edge[a] == left and cand.edge[b] == edge:
+            if chain[a] == left and chain[b] == edge:
                 from_left += p
-            if cand.edge[a] == left and cand.edge[b] == left:
+            if chain[a] == left and chain[b] == left:
                 in_left += p
-            if cand.edge[a] == edge and cand.edge[b] == edge:
+            if chain[a] == edge and chain[b] == edge:
                 in_edge += p
         # The steps between candidates have their share of all; the rest goes over the off-road state.
-        on_road = gamma[cand.start[k] : cand.start[k + 1]].sum()
+        on_road = gamma[start[k] : start[k + 1]].sum()
         share = on_road / max(whole, 1e-300)
         between[k] = from_left * share
-        out[k] = at[k - 1] + _on_chain(cand, k, left, gamma) - in_left * share
-        into[k] = at[k] + _on_chain(cand, k - 1, edge, gamma) - in_edge * share
+        out[k] = at[k - 1] + _on_chain(start, chain, k, left, gamma) - in_left * share
+        into[k] = at[k] + _on_chain(start, chain, k - 1, edge, gamma) - in_edge * share
     return Posterior(at, np.clip(out, 0.0, 1.0), np.clip(into, 0.0, 1.0), np.clip(between, 0.0, 1.0))

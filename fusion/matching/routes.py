@@ -13,7 +13,8 @@ from fusion.compiled import compiled
 from fusion.matching.chains import search_from
 from fusion.matching.lattice import OFF, ROUTE, SAME, START, TURN, Candidates, Intervals, Lattice
 from fusion.matching.path import NO_CONNECTION, NO_ROAD, OUTAGE, Break
-from fusion.matching.viterbi import Model, over_nodes, within_chain
+from fusion.matching.steps import over_nodes, within_chain
+from fusion.matching.viterbi import Model
 from fusion.types import Floats, Ints
 
 _BRIDGE_FACTOR = 1.3

@@ -216,7 +216,7 @@ def place_samples(
     (thinned, along, run), x, y = kept, drive.x_m, drive.y_m
     n, m, rows = len(x), len(thinned), len(stays.rank)
     row, distance, offset = np.full(n, -1, np.int64), np.full(n, np.nan), np.full(n, np.nan)
-    line = _lines(graph, stays)
+    line, stay_run, stay_start = _lines(graph, stays), stays.run, stays.start_m
     first = 0  # the first stay that the window of the current kept sample can touch
     for j in range(m):
         if run[j] < 0:
@@ -224,8 +224,8 @@ def place_samples(
         ends = j + 1 == m or run[j + 1] != run[j]
         ahead = along[j] if ends else along[j + 1]
         while first + 1 < rows and (
-            stays.run[first] < run[j]
-            or (stays.run[first + 1] == run[j] and stays.start_m[first + 1] < along[j] - slack)
+            stay_run[first] < run[j]
+            or (stay_run[first + 1] == run[j] and stay_start[first + 1] < along[j] - slack)
         ):
             first += 1
         for i in range(thinned[j], thinned[j + 1] if j + 1 < m else n):
@@ -233,7 +233,7 @@ def place_samples(
                 continue
             high = along[j] if i == thinned[j] else ahead
             best, where, least = _nearest_stay(
-                line, stays, x[i], y[i], first, run[j], along[j] - slack, high + slack
+                line, stay_run, stay_start, x[i], y[i], first, run[j], along[j] - slack, high + slack
             )
             if best >= 0 and least <= (0.5 * reach[i] if ends and i != thinned[j] else reach[i]):
                 row[i], distance[i], offset[i] = best, where, least
@@ -242,13 +242,21 @@ def place_samples(
 
 @inlined
 def _nearest_stay(
-    line: Floats, stays: Stays, x: float, y: float, first: int, run: int, low: float, high: float
+    line: Floats,
+    stay_run: Ints,
+    start_m: Floats,
+    x: float,
+    y: float,
+    first: int,
+    run: int,
+    low: float,
+    high: float,
 ) -> tuple[int, float, float]:
     """Stay, distance along the path and offset of the nearest point of the path from ``low`` to ``high``."""
     best, where, least = -1, np.nan, np.inf
     for s in range(first, len(line)):
-        start = stays.start_m[s]
-        if stays.run[s] != run or start > high:
+        start = start_m[s]
+        if stay_run[s] != run or start > high:
             break
         dx, dy = x - line[s, 0], y - line[s, 1]
         moved = dx * line[s, 2] + dy * line[s, 3]

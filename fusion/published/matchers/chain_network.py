@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fusion.matching.candidates import find_candidates
+from fusion.matching.candidates import Likelihoods, Seen, find_candidates
 from fusion.matching.chains import ChainGraph, build_chains
 from fusion.matching.lattice import Candidates
 from fusion.published.matchers.base import PointMatches, Samples, placed, unmatched
@@ -35,9 +35,9 @@ class ChainNetwork(NamedTuple):
         All positions must be known. The cost of a place is d^2 / (2 sigma^2), and where ``turn`` is above 0 and
         the heading known turn (1 - cos a), softly bounded by ``turn_cap``, for its angle a to the direction.
         """
-        at = samples.x_m, samples.y_m, samples.heading_rad
         reach = np.full(len(samples), sigma_m), np.full(len(samples), radius_m)
-        return find_candidates(self.graph, self.grid, *at, *reach, turn, turn_cap, 0.0, 0.0)
+        seen = Seen(samples.x_m, samples.y_m, samples.heading_rad, *reach)
+        return find_candidates(self.graph, self.grid, seen, Likelihoods(turn, turn_cap, 0.0, 0.0))
 
     def matches(self, n: int, rows: Ints, edge: Ints, at_m: Floats) -> PointMatches:
         """The matches of n samples, of which ``rows`` lie on directed chains ``edge`` (-1: none) at ``at_m``."""
