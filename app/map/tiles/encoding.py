@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -48,15 +49,20 @@ def doubles(values: Floats) -> Values:
 
 def integers(values: Iterable[int]) -> Values:
     """Whole numbers; those from 0 on and those below are of two types."""
-    return _values(
-        bytes([_key(5, _VARINT)]) + varint(n) if n >= 0 else bytes([_key(6, _VARINT)]) + varint(-2 * n - 1)
-        for n in values
-    )
+    parts = [_integer(n) for n in values]
+    return Values(b"".join(parts), len(parts))
+
+
+@lru_cache(maxsize=10_000)
+def _integer(n: int) -> bytes:
+    key, written = (5, n) if n >= 0 else (6, -2 * n - 1)
+    return _part(4, bytes([_key(key, _VARINT)]) + varint(written))
 
 
 def texts(values: Iterable[str]) -> Values:
     """Texts."""
-    return _values(_part(1, text.encode()) for text in values)
+    parts = [_part(4, _part(1, text.encode())) for text in values]
+    return Values(b"".join(parts), len(parts))
 
 
 TRUE = Values(b"\x22\x02\x38\x01", 1)
@@ -196,8 +202,3 @@ def _key(field: int, kind: int) -> int:
 
 def _part(field: int, written: bytes) -> bytes:
     return bytes([_key(field, _DELIMITED)]) + varint(len(written)) + written
-
-
-def _values(written: Iterable[bytes]) -> Values:
-    parts = [_part(4, one) for one in written]
-    return Values(b"".join(parts), len(parts))

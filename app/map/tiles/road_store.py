@@ -1,7 +1,8 @@
 """Tiles of single segments: their roads, which only an import changes, and their slopes, which every drive does.
 
 Roads are read row by row once and kept encoded; a look at the states of their cells tells whether they are as they
-were. Slopes are read for each tile anew, and only what has one is encoded again.
+were. Slopes are read for each tile anew. A feature says which of the tile's values are its slope, so that another slope
+is another value, and the features stay as they are.
 """
 
 from __future__ import annotations
@@ -37,8 +38,6 @@ KEYS = (
     "tunnel",
     "dem_slope_percent",
 )
-_OF_DRIVES = 3
-"""The first of them are what drives change."""
 _MOST_CELLS = 1024
 """Of which each is looked up for itself."""
 _MANY = 1000
@@ -84,7 +83,14 @@ class Place(NamedTuple):
     y: int
 
 
-@dataclass(frozen=True, eq=False)
+class _Driven(NamedTuple):
+    """Which of a tile's segments have a slope, and all features as they are then."""
+
+    rows: Ints
+    features: bytes
+
+
+@dataclass(eq=False)
 class Roads:
     """The n segments that a tile shows, by ascending id, encoded as far as only an import changes them."""
 
@@ -98,12 +104,13 @@ class Roads:
     written: Ints
     """Features of segments without slope, one after the other, and in ``sizes`` how long each is."""
     sizes: Ints
+    _last: _Driven | None = None
 
     @property
     def size_bytes(self) -> int:
-        """In memory, about."""
+        """In memory, about: with the features as they are driven."""
         arrays = sum(value.nbytes for value in vars(self).values() if isinstance(value, np.ndarray))
-        return arrays + len(self.values.written)
+        return arrays + len(self.values.written) + self.written.nbytes
 
     def question(self) -> tuple[str, Mapping[str, Ints]]:
         """What the slopes are asked by, of some roads."""
@@ -112,26 +119,30 @@ class Roads:
         return _SLOPES, {"first": ids[begins], "last": ids[np.append(begins[1:], len(ids)) - 1]}
 
     def tile(self, name: str, slopes: Rows) -> bytes:
-        """The vector tile with these slopes, as they were found in the database."""
+        """The vector tile with these slopes, as they were found in the database. For one thread."""
         columns: Any = list(zip(*slopes, strict=True)) or [()] * 4
         found = np.array(columns[0], np.int64)
         rows = np.searchsorted(self.ids, found)
         ours = np.flatnonzero(np.append(self.ids, -1)[rows] == found)
         ours = ours[np.argsort(rows[ours])]
-        rows, values = rows[ours], self.values
-        codes = self.codes[:, rows].astype(np.int64)
-        # Slopes are all different; the others are worth looking for equal ones.
-        codes[1] = np.arange(len(rows)) + values.count
-        values += encoding.doubles(np.array(columns[1], float)[ours])
-        for key, column, write in ((0, columns[3], _counts), (2, columns[2], encoding.doubles)):
-            different, code = np.unique(np.array(column)[ours], return_inverse=True)
-            codes[key] = code + values.count
-            values += write(different)
-        driven, _ = encoding.features(self.ids[rows], self.ends[rows], list(codes))
-        others = np.ones(len(self.ids), bool)
-        others[rows] = False
-        undriven = self.written[np.repeat(others, self.sizes)]
-        return encoding.layer(name, undriven.tobytes() + driven.tobytes(), KEYS, values)
+        slope, sigma = (np.array(column, float)[ours] for column in columns[1:3])
+        values = self.values + encoding.doubles(slope) + encoding.doubles(sigma)
+        values += encoding.integers(np.array(columns[3], np.int64)[ours].tolist())
+        return encoding.layer(name, self._features(rows[ours]), KEYS, values)
+
+    def _features(self, rows: Ints) -> bytes:
+        """All features, those with a slope last: each has values of its own, the slopes of all come first, then the
+        sigmas, then the counts. So they are the same until another segment is driven for the first time."""
+        if self._last is None or not np.array_equal(self._last.rows, rows):
+            codes = self.codes[:, rows].astype(np.int64)
+            for key, block in ((KEYS.index("drives"), 2), (1, 0), (2, 1)):
+                codes[key] = self.values.count + block * len(rows) + np.arange(len(rows))
+            driven, _ = encoding.features(self.ids[rows], self.ends[rows], list(codes))
+            others = np.ones(len(self.ids), bool)
+            others[rows] = False
+            undriven = self.written[np.repeat(others, self.sizes)]
+            self._last = _Driven(rows, undriven.tobytes() + driven.tobytes())
+        return self._last.features
 
 
 KnownRoads = Memory[Place, Roads]
@@ -170,10 +181,6 @@ def roads_of(at: Place, rows: Rows) -> Roads:
     ids, codes = np.array(columns[0], np.int64)[shown], codes[:, shown]
     written, sizes = encoding.features(ids, ends, list(codes))
     return Roads(ids, ends.astype(np.int16), codes.astype(np.int32), values, written, sizes.astype(np.int32))
-
-
-def _counts(counts: Ints) -> Values:
-    return encoding.integers(counts.tolist())
 
 
 def _by_id(row: tuple[Any, ...]) -> int:

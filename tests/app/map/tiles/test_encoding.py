@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -117,12 +116,14 @@ def assert_alike(drawn: bytes, expected: bytes) -> None:
     mine, theirs = ({f["id"]: f for f in layers(tile).get(SEGMENTS, [])} for tile in (drawn, expected))
     assert list(mine) == [*(k for k in mine if not slope(mine[k])), *(k for k in mine if slope(mine[k]))]
     for id_ in mine.keys() ^ theirs.keys():
-        # What only touches the buffer's edge depends on the last digit.
-        path = (mine.get(id_) or theirs[id_])["path"]
-        assert any(abs(p - edge) <= 2 for p in itertools.chain(*path) for edge in OUTERMOST), path
+        path = np.array((mine.get(id_) or theirs[id_])["path"])
+        assert any((np.abs(path - edge) <= 2).any() for edge in OUTERMOST), path
     for id_ in mine.keys() & theirs.keys():
         assert mine[id_]["properties"] == theirs[id_]["properties"]
         ours, other = np.array(mine[id_]["path"]), np.array(theirs[id_]["path"])
+        # What runs along the buffer's edge, or only touches it, depends on the last digit.
+        if any((np.abs(line - edge) <= 1).all(axis=0).any() for line in (ours, other) for edge in OUTERMOST):
+            continue
         # On the half between two units, of a line that is shorter, it hangs on that digit whether it is a point.
         most = 1 if max(np.ptp(ours, axis=0).max(), np.ptp(other, axis=0).max()) > 2 else 3
         assert np.abs(ours - other).max() <= most, (ours, other)
