@@ -42,6 +42,8 @@ _MOST_CELLS = 1024
 """Of which each is looked up for itself."""
 _MANY = 1000
 """Roads. More are encoded in a thread."""
+_FEATURE_BYTES = 36
+"""Of one on average, encoded."""
 _TOGETHER = 4
 """Segments whose numbers differ by no more are looked up together, with whatever is between."""
 
@@ -92,7 +94,7 @@ class _Driven(NamedTuple):
 
 @dataclass(eq=False)
 class Roads:
-    """The n segments that a tile shows, by ascending id, encoded as far as only an import changes them."""
+    """The n segments that a tile shows, by ascending id, on its grid."""
 
     ids: Ints
     """(n,)"""
@@ -101,16 +103,13 @@ class Roads:
     codes: Ints
     """Of each of ``KEYS`` which of ``values`` a segment without slope has, below 0 for none, (keys, n)."""
     values: Values
-    written: Ints
-    """Features of segments without slope, one after the other, and in ``sizes`` how long each is."""
-    sizes: Ints
     _last: _Driven | None = None
 
     @property
     def size_bytes(self) -> int:
-        """In memory, about: with the features as they are driven."""
+        """In memory, about, with its features."""
         arrays = sum(value.nbytes for value in vars(self).values() if isinstance(value, np.ndarray))
-        return arrays + len(self.values.written) + self.written.nbytes
+        return arrays + len(self.values.written) + _FEATURE_BYTES * len(self.ids)
 
     def question(self) -> tuple[str, Mapping[str, Ints]]:
         """What the slopes are asked by, of some roads."""
@@ -131,17 +130,14 @@ class Roads:
         return encoding.layer(name, self._features(rows[ours]), KEYS, values)
 
     def _features(self, rows: Ints) -> bytes:
-        """All features, those with a slope last: each has values of its own, the slopes of all come first, then the
-        sigmas, then the counts. So they are the same until another segment is driven for the first time."""
+        """All features: each with a slope has values of its own, the slopes of all first, then the sigmas, then the
+        counts. So they are the same until another segment is driven for the first time."""
         if self._last is None or not np.array_equal(self._last.rows, rows):
-            codes = self.codes[:, rows].astype(np.int64)
+            codes = self.codes.astype(np.int64)
             for key, block in ((KEYS.index("drives"), 2), (1, 0), (2, 1)):
-                codes[key] = self.values.count + block * len(rows) + np.arange(len(rows))
-            driven, _ = encoding.features(self.ids[rows], self.ends[rows], list(codes))
-            others = np.ones(len(self.ids), bool)
-            others[rows] = False
-            undriven = self.written[np.repeat(others, self.sizes)]
-            self._last = _Driven(rows, undriven.tobytes() + driven.tobytes())
+                codes[key, rows] = self.values.count + block * len(rows) + np.arange(len(rows))
+            features, _ = encoding.features(self.ids, self.ends, list(codes))
+            self._last = _Driven(rows, features.tobytes())
         return self._last.features
 
 
@@ -179,8 +175,8 @@ def roads_of(at: Place, rows: Rows) -> Roads:
     codes[KEYS.index("dem_slope_percent")] = np.where(np.isfinite(dem), first_slope + dem_code, -1)
     values += encoding.doubles(slopes[known])
     ids, codes = np.array(columns[0], np.int64)[shown], codes[:, shown]
-    written, sizes = encoding.features(ids, ends, list(codes))
-    return Roads(ids, ends.astype(np.int16), codes.astype(np.int32), values, written, sizes.astype(np.int32))
+    narrow = np.int16 if values.count < np.iinfo(np.int16).max else np.int32
+    return Roads(ids, ends.astype(np.int16), codes.astype(narrow), values)
 
 
 def _by_id(row: tuple[Any, ...]) -> int:
