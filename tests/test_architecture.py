@@ -65,6 +65,7 @@ SQL_PLACES = {
         "map/items/store.py",
         "map/store.py",
         "map/figures.py",
+        "map/tiles/road_store.py",
         "map/tiles/store.py",
         "map/derived/way_store.py",
         "operations/store.py",

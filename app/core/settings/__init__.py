@@ -138,7 +138,7 @@ class Settings(Access):
     tile_stale_s: int = Field(600, ge=0, le=31_536_000)
     """Seconds more in which they may while they fetch the new one, where TILE_MAX_AGE_S is set."""
     tile_memory_bytes: int = Field(64 * 2**20, ge=0)
-    """Compressed vector tiles that one process keeps in memory, bytes."""
+    """Compressed vector tiles that one process keeps in memory, bytes; and as much of the roads in them."""
     tiles_stored_bytes: int = Field(2 * GIB, ge=0)
     """Compressed vector tiles in the database, bytes; those asked for last stay."""
 

@@ -1,4 +1,4 @@
-"""What vector tiles are made of and where they are kept: every statement about them.
+"""Vector tiles: what low zooms and ways are made of, and where all are kept. Single segments: ``road_store``.
 
 Psycopg's own placeholders: the statements are prepared, and most are executed by the event loop. Only what a map draws
 is in a tile: each further property costs a tenth of the whole query.
@@ -17,48 +17,29 @@ from sqlalchemy.orm import Session
 from app.core.db import Bounds, fetch_binary, send_binary
 from app.map.store import FULL_ZOOM
 from app.map.tiles.connections import Connection
+from app.map.tiles.encoding import BUFFER, EXTENT, SHORT
+from app.map.tiles.road_store import KnownRoads, Place, state_question, tile_now, tile_of
 
 SEGMENTS, WAYS = "segments", "ways"
 """The layers. A tile has one."""
-EXTENT = 4096
-"""Units across a vector tile."""
-BUFFER = 64
-"""Units by which lines go on beyond a tile's edge, so that it does not cut wide strokes short."""
 NO_LIMIT = 2_000_000_000
 DEEPEST_KEPT = 30
 """No zoom is below."""
 EDGE_DEG = 85.0511287798066
 """Latitude at which the plane of tiles ends."""
-DEM_DIGITS = 1
-"""Of slopes by the elevation model in tiles."""
-_WORLD_M = 2 * math.pi * 6_378_137
-"""Of the plane of tiles, across."""
 LOCK_SPACE = 1413
 """The first half of the numbers of the locks of tiles that are being built."""
 
 _BOX = f"""
     box AS (
         SELECT ST_TileEnvelope(%(z)s, %(x)s, %(y)s) AS tile,
-               ST_TileEnvelope(%(z)s, %(x)s, %(y)s, margin => CAST({BUFFER / EXTENT} AS float8)) AS wide,
-               CAST({_WORLD_M / EXTENT} AS float8) / (1 << %(z)s) AS unit_m
+               ST_TileEnvelope(%(z)s, %(x)s, %(y)s, margin => CAST({BUFFER / EXTENT} AS float8)) AS wide
     )"""
 _AS_GEOM = f"ST_AsMVTGeom({{line}}, box.tile, {EXTENT}, {BUFFER}, true)"
 _GEOM = f"{_AS_GEOM} AS geom"
-# What is shorter than the grid is fine is a unit long: a map of all segments has all of them.
-_SHORT = "ST_MakeLine(ST_StartPoint({line}), ST_Translate(ST_StartPoint({line}), 1.5 * box.unit_m, 0))"
 _AS_MVT = f"ST_AsMVT(feature, '{{layer}}', {EXTENT}, 'geom', 'id')"
 
 # The box for the index is wider than the tile by the buffer, else lines just outside it would end at its edge.
-# What is rare is a property only where it is so. Few slopes of the elevation model differ after their first decimal's
-# rounding, so that they cost a tile little; on a bridge and in a tunnel it says nothing of the road.
-_SEGMENT_FEATURES = f"""
-    SELECT s.id, a.slope_percent, a.slope_sigma_percent, coalesce(a.drives, 0) AS drives, s.highway, s.oneway,
-           nullif(s.bridge, false) AS bridge, nullif(s.tunnel, false) AS tunnel,
-           round(s.dem_slope_percent * {10**DEM_DIGITS}) / {10**DEM_DIGITS} AS dem_slope_percent,
-           coalesce({_AS_GEOM.format(line="s.geom_3857")},
-                    {_AS_GEOM.format(line=_SHORT.format(line="s.geom_3857"))}) AS geom
-    FROM box JOIN segments AS s ON s.geom_3857 && box.wide
-    LEFT JOIN segment_slopes AS a ON a.segment_id = s.id AND a.drives > 0"""  # noqa: S608 - constants
 _PIECE_FEATURES = f"""
     SELECT p.segment_id AS id, p.slope_percent, p.slope_sigma_percent, p.drives, p.highway, p.oneway,
            {_GEOM.format(line="p.geom_3857")}
@@ -86,8 +67,8 @@ _SPECKS = f"""
         ORDER BY p.rank, (p.drives = 0), p.length_m DESC, p.segment_id LIMIT 100
     ), feature AS (
         SELECT p.segment_id AS id, p.slope_percent, p.slope_sigma_percent, p.drives, p.highway, p.oneway,
-               ST_AsMVTGeom(
-                   ST_MakeLine(p.at, ST_Translate(p.at, 1.5 * p.unit_m, 0)), box.tile, {EXTENT}, {BUFFER}, true) AS geom
+               ST_AsMVTGeom(ST_MakeLine(p.at, ST_Translate(p.at, {SHORT} * p.unit_m, 0)), box.tile, {EXTENT}, {BUFFER},
+                            true) AS geom
         FROM box, specks AS p
     )
     SELECT {_AS_MVT.format(layer=SEGMENTS)} FROM feature WHERE geom IS NOT NULL
@@ -101,6 +82,7 @@ _KEPT_OR_MADE = f"""
     WITH {_BOX}, kept AS ({_KEPT})
     SELECT (SELECT body FROM kept), CASE WHEN NOT EXISTS (SELECT FROM kept) THEN ({{tile}}) END
 """  # noqa: S608 - constants
+_KEPT_OR_STATE = f"SELECT ({_KEPT}), ({{state}})"
 _MADE_AGAIN = f"WITH {_BOX} {{tile}}"
 _LOCK = "SELECT pg_advisory_xact_lock(%s + CASE current_schema() WHEN 'edition' THEN 1 ELSE 0 END, %s)"
 _KEEP = """
@@ -215,17 +197,24 @@ async def lock_tile(connection: Connection, at: Address) -> None:
 
 
 async def kept_or_made(
-    connection: Connection, at: Address, tag: str, full_zoom: int
+    connection: Connection, at: Address, tag: str, full_zoom: int, known: KnownRoads
 ) -> tuple[bytes | None, bytes]:
-    """The kept tile, compressed, that was built for this tag; else None, and the tile as it is now, not compressed."""
-    statement = _KEPT_OR_MADE.format(tile=_tile(at, full_zoom))
-    row = await _row(connection, statement, at, tag=tag, most=NO_LIMIT)
-    return row[0], row[1] or b""
+    """The kept tile, compressed, that was built for this tag; else None, and the tile as it is now, not compressed.
+
+    ``known``: the roads that this process knows, among which those of the tile are from here on.
+    """
+    if not _is_of_segments(at, full_zoom):
+        row = await _row(connection, _KEPT_OR_MADE.format(tile=_tile(at)), at, tag=tag, most=NO_LIMIT)
+        return row[0], row[1] or b""
+    place = Place(*at[1:])
+    state, values = state_question(place)
+    kept, present = await _row(connection, _KEPT_OR_STATE.format(state=state), at, tag=tag, **values)
+    return kept, b"" if kept is not None else await tile_of(connection, at.layer, place, present, known)
 
 
 async def most_important(connection: Connection, at: Address, most: int | None) -> tuple[bytes, int]:
     """A tile of the most important roads at most (None: of all), and how many there are in it."""
-    features = _features(at, None)
+    features = _features(at)
     if most is not None:
         features += _WAYS_BY_IMPORTANCE if at.layer == WAYS else _PIECES_BY_IMPORTANCE
     statement = _MADE_AGAIN.format(tile=_COUNTED.format(layer=at.layer, features=features))
@@ -272,12 +261,13 @@ def mvt(
     such, ``dem_slope_percent``; a segment's id is its feature's id. From ``full_zoom`` on its features are the
     segments, below what is drawn from afar (``drawn_pieces``). Extent 4096, buffer 64.
     """
-    at = Address(layer, z, x, y)
+    if _is_of_segments(at := Address(layer, z, x, y), full_zoom):
+        return tile_now(session, layer, Place(z, x, y))
     values = {**at._asdict(), "most": NO_LIMIT}
     # In an order, so that equal data make equal bytes.
-    tile = _tile(at, full_zoom, order=" ORDER BY id")
+    tile = _tile(at, order=" ORDER BY id")
     ((tile_bytes,),) = fetch_binary(session, _MADE_AGAIN.format(tile=tile), values)
-    if not tile_bytes and layer == SEGMENTS and z < full_zoom:
+    if not tile_bytes and layer == SEGMENTS:
         ((tile_bytes,),) = fetch_binary(session, _SPECKS.format(level=drawn_level(z)), values)
     return bytes(tile_bytes or b"")
 
@@ -309,14 +299,15 @@ def drawn_level(z: int) -> int:
     return min(12, max(6, z + z % 2))
 
 
-def _tile(at: Address, full_zoom: int, order: str = "") -> str:
-    return _TILE.format(layer=at.layer, features=_features(at, full_zoom), order=order)
+def _is_of_segments(at: Address, full_zoom: int) -> bool:
+    """Whether its features are the segments, rather than ways or what is drawn from afar."""
+    return at.layer == SEGMENTS and at.z >= full_zoom
 
 
-def _features(at: Address, full_zoom: int | None) -> str:
-    """The features of a tile; ``full_zoom`` None: it is a zoom below."""
-    if at.layer == WAYS:
-        return _WAY_FEATURES
-    if full_zoom is not None and at.z >= full_zoom:
-        return _SEGMENT_FEATURES
-    return _PIECE_FEATURES.format(level=drawn_level(at.z))
+def _tile(at: Address, order: str = "") -> str:
+    return _TILE.format(layer=at.layer, features=_features(at), order=order)
+
+
+def _features(at: Address) -> str:
+    """The features of a tile of ways or of a low zoom."""
+    return _WAY_FEATURES if at.layer == WAYS else _PIECE_FEATURES.format(level=drawn_level(at.z))

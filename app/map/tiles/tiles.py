@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import zlib
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from hashlib import md5
 from itertools import count
 from time import monotonic
@@ -22,10 +22,12 @@ from app.core.settings import Settings
 from app.core.telemetry.logs import tell
 from app.map.tiles import store
 from app.map.tiles.connections import Connection, Connections
+from app.map.tiles.memory import Memory
+from app.map.tiles.road_store import KnownRoads
 from app.map.tiles.store import SEGMENTS, WAYS, Address
 from app.map.tiles.watch import Versions, Watch
 
-TILE_SCHEMA = 6
+TILE_SCHEMA = 7
 """Raise it whenever tiles change without their data changing, so that caches notice."""
 MOST_BYTES = 250_000
 """Of a compressed tile of a low zoom; what is least important is left out of it."""
@@ -62,28 +64,10 @@ class Tile:
     body: bytes
     """Compressed (gzip); empty: the tile holds nothing."""
 
-
-@dataclass
-class _Memory:
-    """The tiles asked for last, up to a number of bytes."""
-
-    most_bytes: int
-    bytes: int = 0
-    tiles: OrderedDict[Address, Tile] = field(default_factory=OrderedDict)
-
-    def get(self, at: Address) -> Tile | None:
-        tile = self.tiles.get(at)
-        if tile is not None:
-            self.tiles.move_to_end(at)
-        return tile
-
-    def put(self, at: Address, tile: Tile) -> None:
-        former = self.tiles.pop(at, None)
-        self.bytes += _weight(tile) - (_weight(former) if former else 0)
-        self.tiles[at] = tile
-        while self.bytes > self.most_bytes and self.tiles:
-            _, gone = self.tiles.popitem(last=False)
-            self.bytes -= _weight(gone)
+    @property
+    def size_bytes(self) -> int:
+        """In memory, about."""
+        return len(self.body)
 
 
 class _Flight:
@@ -112,7 +96,8 @@ class Tiles:
         """How many tiles this process has built."""
         self._classes = request_classes
         self._builders = Connections(url, patience, kept=settings.db_pool_size, schema=schema)
-        self._memory = _Memory(settings.tile_memory_bytes)
+        self._memory: Memory[Address, Tile] = Memory(settings.tile_memory_bytes)
+        self._roads: KnownRoads = Memory(settings.tile_memory_bytes)
         self._serial = count()
         self._flights: dict[tuple[Address, str], _Flight] = {}
         self._asked: Counter[Address] = Counter()
@@ -125,8 +110,7 @@ class Tiles:
 
     def at_hand(self, at: Address, etag: str) -> Tile | None:
         """The tile of this ETag, where it is in memory."""
-        tile = self._memory.get(at)
-        return tile if tile is not None and tile.etag == etag else None
+        return self._memory.get(at, etag)
 
     async def made(self, at: Address, *, is_admitted: bool = False) -> Tile:
         """The tile as it is now, with an ETag of its content; not kept. Raises as ``get`` does.
@@ -235,7 +219,7 @@ class Tiles:
         if at.layer == WAYS:
             return Tile(f'W/"{md5(body, usedforsecurity=False).hexdigest()}"' if body else NOTHING, body)
         tile = Tile(etag, body)
-        self._memory.put(at, tile)
+        self._memory.put(at, etag, tile)
         return tile
 
     def _is_further_out(self, at: Address) -> bool:
@@ -247,7 +231,8 @@ class Tiles:
         try:
             async with connection.transaction():
                 await store.lock_tile(connection, at)
-                stored, data = await store.kept_or_made(connection, at, etag, self.settings.tile_full_zoom)
+                full_zoom = self.settings.tile_full_zoom
+                stored, data = await store.kept_or_made(connection, at, etag, full_zoom, self._roads)
                 if stored is not None:
                     return stored
                 body = await self._built(connection, at, data)
@@ -307,7 +292,3 @@ async def plain(body: bytes) -> bytes:
 
 def _gzip(data: bytes) -> bytes:
     return zlib.compress(data, GZIP_LEVEL, wbits=31)
-
-
-def _weight(tile: Tile) -> int:
-    return len(tile.body) + 500

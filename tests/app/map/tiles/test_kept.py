@@ -176,7 +176,8 @@ def test_memory_is_bounded(in_processes: Any, segment_ids: Ints) -> None:
             at = Address(SEGMENTS, 14, k, 0)
             await answered(one, at)
         assert one._memory.bytes <= 5000
-        assert 0 < len(one._memory.tiles) < 30
+        assert one._roads.bytes <= 5000
+        assert 0 < len(one._memory.kept) < 30
         await answered(one, HERE)
         assert one.at_hand(HERE, str(await one.etag(HERE))) is not None
 
