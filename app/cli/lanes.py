@@ -2,8 +2,9 @@
 
 A lane by itself would take two hundred megabytes before its first drive. The parent imports what lanes run and loads
 the machine code of the default method. It has no event loop, no thread of Python and no connection, which a fork would
-break. It never runs a loop of OpenMP (``compiled_parallel``): GNU's cannot be continued in a fork. It compiles nothing
-either: that is a program of its own (``compiling``), since memory that the compiler has taken never comes back.
+break: what listens for jobs (``app.jobs.listening``) is forked beside the lanes. It never runs a loop of OpenMP
+(``compiled_parallel``): GNU's cannot be continued in a fork. It compiles nothing either: that is a program of its own
+(``compiling``), since memory that the compiler has taken never comes back.
 """
 
 from __future__ import annotations

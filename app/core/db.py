@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -21,6 +21,8 @@ from psycopg.adapt import Buffer, Dumper, PyFormat
 from psycopg.pq import Format
 from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.orm import Session, sessionmaker
+from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
+from sqlalchemy.util.queue import Empty
 
 from app.core.background import lower_server_priority
 from app.core.settings.places import sqlalchemy_url
@@ -66,6 +68,18 @@ def transaction_options(patience: Patience | None, schema: str | None = None) ->
     return "; ".join(f"SET LOCAL {name} TO {value}" for name, value in options).encode()
 
 
+class PatientPool(QueuePool):
+    """Waits for a moment before it makes one more connection than it keeps: most are in use for milliseconds."""
+
+    WAIT_S: ClassVar[float] = 0.25
+
+    def _do_get(self) -> ConnectionPoolEntry:
+        if self.overflow() >= 0:  # all that it keeps are made
+            with suppress(Empty):
+                return self._pool.get(True, self.WAIT_S)
+        return super()._do_get()
+
+
 def make_engine(
     url: str,
     *,
@@ -79,7 +93,8 @@ def make_engine(
     """An engine whose connections are checked before use, so that a restarted database costs no request.
 
     Without ``patience`` statements and locks take as long as they take: workers and imports have nobody who waits.
-    ``background``: connections have background priority at a server on this machine (``app.core.background``).
+    ``background``: connections have background priority at a server on this machine (``app.core.background``), and are
+    as few as can be (``PatientPool``).
     ``schema``: as ``server_options`` has it. ``pooled``: connections are those of a pooler in transaction mode, and
     nothing is kept in one beyond a transaction.
     """
@@ -89,6 +104,7 @@ def make_engine(
         limits["connect_timeout"] = max(2, math.ceil(patience.connection_s))
     engine = create_engine(
         sqlalchemy_url(url),
+        poolclass=PatientPool if background else QueuePool,
         pool_pre_ping=True,
         hide_parameters=True,  # errors are logged, and boxes and places are parameters
         pool_size=pool_size,

@@ -155,14 +155,14 @@ def waited_s(sessions: Sessions, jobs: int) -> list[float]:
 def connections(sessions: Sessions, seconds: float) -> Counter[str]:
     """The most that there were at once beside one's own, by the name that they give."""
     query = text("""
-        SELECT application_name, count(*) FROM pg_stat_activity
+        SELECT application_name, count(*) AS connections FROM pg_stat_activity
         WHERE datname = current_database() AND pid <> pg_backend_pid() GROUP BY 1
     """)
     most: Counter[str] = Counter()
     until_s = time.monotonic() + seconds
     with sessions() as session:
         while time.monotonic() < until_s:
-            most |= Counter(dict(session.execute(query).tuples().all()))
+            most |= Counter({row.application_name: row.connections for row in session.execute(query)})
             session.rollback()
             time.sleep(0.02)
     return most
