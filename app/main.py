@@ -198,10 +198,11 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         )
     url = settings.database_url
     patience = Patience(settings.statement_timeout_s, settings.lock_timeout_s, settings.pool_timeout_s)
+    pooled = settings.database_pooled
     engine = make_engine(
-        url, pool_size=settings.db_pool_size, max_overflow=MORE_CONNECTIONS, patience=patience
+        url, pool_size=settings.db_pool_size, max_overflow=MORE_CONNECTIONS, patience=patience, pooled=pooled
     )
-    probing = make_engine(url, pool_size=1, max_overflow=1, patience=patience)
+    probing = make_engine(url, pool_size=1, max_overflow=1, patience=patience, pooled=pooled)
     guard(engine)
     app.state.service = Service(
         settings,
@@ -213,13 +214,13 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         CapacityLimiter(2),
         edition_note,
     )
-    app.state.callers = Callers(url, session_factory(engine))
+    app.state.callers = Callers(settings.listen_url, session_factory(engine))
     app.state.logins = Logins(Provider(settings) if settings.oidc_issuer else None)
     app.state.archives = RequestClass(archive.AT_ONCE, for_others=archive.AT_ONCE)
     app.state.drawing = Drawing(settings.pictures_waiting)
     streams = Shares(settings.events_max, settings.events_per_client)
     app.state.feed = feed.Feed(
-        url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, streams
+        settings.listen_url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, streams
     )
     app.state.tiles = Tiles(url, settings, app.state.request_classes)
     app.state.live = Live(app.state.tiles.watch, streams)

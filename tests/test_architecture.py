@@ -38,6 +38,7 @@ SQL_PLACES = {
         "changes/store.py",
         "changes/webhooks/store.py",
         "core/caller.py",
+        "core/claims.py",
         "core/databases.py",
         "core/schema.py",
         "core/telemetry/audit.py",

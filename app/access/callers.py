@@ -44,8 +44,9 @@ log = logging.getLogger(__name__)
 class Callers:
     """The callers that a process of the API knows."""
 
-    def __init__(self, url: str, sessions: Sessions) -> None:
-        self._url, self._sessions = libpq_url(url), sessions
+    def __init__(self, url: str | None, sessions: Sessions) -> None:
+        """``url``: where announcements are received; None: nowhere, and whoever shows a key is looked up each time."""
+        self._url, self._sessions = url, sessions
         self._kept: dict[tuple[Kind, bytes], tuple[Known, float]] = {}
         self._hears, self._changes = False, 0
         self._threads = CapacityLimiter(THREADS)
@@ -69,9 +70,9 @@ class Callers:
 
     async def run(self) -> None:
         """Listen for changes until cancelled."""
-        while True:
+        while self._url is not None:
             try:
-                await self._listen()
+                await self._listen(libpq_url(self._url))
             except psycopg.Error as error:
                 if self._hears:  # once, however long it lasts
                     log.warning("the connection that listens for changes of keys is lost for now: %s", error)
@@ -79,9 +80,9 @@ class Callers:
             self.forget()
             await asyncio.sleep(AGAIN_S)
 
-    async def _listen(self) -> None:
+    async def _listen(self, url: str) -> None:
         async with await psycopg.AsyncConnection.connect(
-            self._url, autocommit=True, connect_timeout=CONNECT_TIMEOUT_S, application_name="versant access"
+            url, autocommit=True, connect_timeout=CONNECT_TIMEOUT_S, application_name="versant access"
         ) as connection:
             await connection.execute(f"LISTEN {CHANNEL}")
             self._hears = True

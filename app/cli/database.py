@@ -73,7 +73,7 @@ def as_it_is(named: Settings, *, make: bool = False) -> Iterator[tuple[Settings,
 def sessions_of(settings: Settings) -> Iterator[Sessions]:
     """Sessions of a database that is named, one at a time, of background priority there."""
     assert settings.database_url is not None  # noqa: S101 - the callers see to it
-    engine = make_engine(settings.database_url, pool_size=1, background=True)
+    engine = make_engine(settings.database_url, pool_size=1, background=True, pooled=settings.database_pooled)
     try:
         yield session_factory(engine)
     finally:

@@ -2,8 +2,9 @@
 
 A lane by itself would take two hundred megabytes before its first drive. The parent imports what lanes run and loads
 the machine code of the default method. It has no event loop, no thread of Python and no connection, which a fork would
-break. It never runs a loop of OpenMP (``compiled_parallel``): GNU's cannot be continued in a fork. It compiles nothing
-either: that is a program of its own (``compiling``), since memory that the compiler has taken never comes back.
+break: what listens for jobs (``app.jobs.listening``) is forked beside the lanes. It never runs a loop of OpenMP
+(``compiled_parallel``): GNU's cannot be continued in a fork. It compiles nothing either: that is a program of its own
+(``compiling``), since memory that the compiler has taken never comes back.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from app.core.settings import Settings
 from app.core.telemetry.logs import begin_logging
 from app.core.telemetry.tracing import begin_tracing, end_tracing
 from app.drives.worker import run_worker
+from app.jobs.listening import listen
 
 _EARLIER_S = STOP_MARGIN_S / 2
 """Lanes are stopped earlier than this process, which its parent kills after the full margin."""
@@ -101,34 +103,52 @@ class Lane(Child):
 
 @dataclass
 class Lanes(Children):
-    """All lanes of a worker; use as a context manager, after loading what lanes share."""
+    """All lanes of a worker and their listener; use as a context manager, after loading what they share."""
 
     earlier_s: float = _EARLIER_S
     prepare: Callable[[Settings], object] = field(kw_only=True)
     """What a lane does first, in its own process; it raises where there is nothing to work on."""
     ends: tuple[int, int] = field(default_factory=os.pipe)
     """A pipe into which nothing is written: the lanes find its other end closed when this process is gone."""
+    wakes: list[tuple[int, int]] = field(default_factory=list)
+    """A pipe for each lane, by which the listener tells it of jobs."""
 
     def __post_init__(self) -> None:
         count = lane_count(self.settings)
         names = ["worker"] if count == 1 else [f"worker {number}" for number in range(1, count + 1)]
+        self.wakes = [os.pipe() for _ in names]
+        listens = self.settings.listen_url is not None
         self.children = [
-            Lane(name, (), {}, run=self._lane(number, name)) for number, name in enumerate(names, 1)
+            *([Lane("listener", (), {}, run=self._listener)] if listens else []),
+            *(Lane(name, (), {}, run=self._lane(number)) for number, name in enumerate(names, 1)),
         ]
 
-    def _lane(self, number: int, name: str) -> Callable[[], int]:
+    def _watch_parent(self) -> None:
+        reading, writing = self.ends
+        os.close(writing)
+        os.dup2(reading, sys.stdin.fileno())
+        os.close(reading)
+
+    def _listener(self) -> int:
+        self._watch_parent()
+        begin_logging(self.settings, "listener")
+        lower_priority()
+        listen(str(self.settings.listen_url), [writing for _, writing in self.wakes], sys.stdin.fileno())
+        return 0
+
+    def _lane(self, number: int) -> Callable[[], int]:
         def run() -> int:
-            reading, writing = self.ends
-            os.close(writing)
-            os.dup2(reading, sys.stdin.fileno())
-            os.close(reading)
+            self._watch_parent()
             process = f"worker {number}"
             begin_logging(self.settings, process)
             stop_with_parent()
             lower_priority()
             self.prepare(self.settings)
             begin_tracing(self.settings, process)
-            again = run_worker(self.settings, with_chores=number == 1, process=process, renewed=True)
+            wakes, _ = self.wakes[number - 1]
+            again = run_worker(
+                self.settings, with_chores=number == 1, process=process, renewed=True, wakes=wakes
+            )
             end_tracing()
             return BEGIN_ANEW if again else 0
 

@@ -147,10 +147,10 @@ def migrate(
     console: Console = ctx.obj
     settings = settings_for(data_dir)
     with database(settings) as ready:
-        assert ready.database_url is not None  # noqa: S101 - database() sees to it
+        assert ready.session_url is not None  # noqa: S101 - database() sees to it
         logging.basicConfig(level=logging.WARNING, format="%(message)s")
-        migrations.upgrade(ready.database_url, finish=finish)
-        revision = migrations.standing_of(ready.database_url).revision
+        migrations.upgrade(ready.session_url, finish=finish)
+        revision = migrations.standing_of(ready.session_url).revision
     console.note(f"The database is at revision {revision}.")
 
 

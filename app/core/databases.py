@@ -84,9 +84,9 @@ def ensure_postgis(url: str) -> None:
 @contextmanager
 def one_migration_at_a_time(url: str) -> Iterator[None]:
     """Hold a lock of the database, so that two programs that start together do not both migrate it."""
-    with psycopg.connect(libpq_url(url), autocommit=True) as connection:
-        connection.execute("SELECT pg_advisory_lock(%s)", (_MIGRATION,))
-        # Closing the connection gives the lock back, also after a crash.
+    with psycopg.connect(libpq_url(url), prepare_threshold=None) as connection:
+        connection.execute("SELECT pg_advisory_xact_lock(%s)", (_MIGRATION,))
+        # The end of the transaction gives the lock back, also after a crash.
         yield
 
 

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 import psycopg
+import sqlalchemy
 from numpy.typing import NDArray
 from psycopg import Connection
 from psycopg.adapt import Buffer, Dumper, PyFormat
 from psycopg.pq import Format
 from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.orm import Session, sessionmaker
+from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
+from sqlalchemy.util.queue import Empty
 
 from app.core.background import lower_server_priority
 from app.core.settings.places import sqlalchemy_url
@@ -31,7 +34,7 @@ Bounds = tuple[float, float, float, float]
 
 # Every request is short: parallel workers and just-in-time compilation take longer to begin than it takes to
 # answer (PostGIS functions are declared so costly that the planner would often choose them).
-_SERVER_OPTIONS = "-c timezone=UTC -c jit=off -c max_parallel_workers_per_gather=0"
+_SERVER_OPTIONS = {"timezone": "UTC", "jit": "off", "max_parallel_workers_per_gather": "0"}
 
 
 @dataclass(frozen=True)
@@ -46,13 +49,35 @@ class Patience:
     """For a free connection of the pool, or a new one to the server."""
 
 
-def server_options(patience: Patience | None, schema: str | None = None) -> str:
-    """Options of the server for a connection. Tables that ``schema`` has are its own, all others the live ones."""
-    options = _SERVER_OPTIONS if schema is None else f"{_SERVER_OPTIONS} -c search_path={schema},public"
+def _server_options(patience: Patience | None, schema: str | None) -> dict[str, str]:
+    options = _SERVER_OPTIONS if schema is None else _SERVER_OPTIONS | {"search_path": f"{schema},public"}
     if patience is None:
         return options
     statement_ms, lock_ms = round(1000 * patience.statement_s), round(1000 * patience.lock_s)
-    return f"{options} -c statement_timeout={statement_ms} -c lock_timeout={lock_ms}"
+    return options | {"statement_timeout": str(statement_ms), "lock_timeout": str(lock_ms)}
+
+
+def server_options(patience: Patience | None, schema: str | None = None) -> str:
+    """Options of the server for a connection. Tables that ``schema`` has are its own, all others the live ones."""
+    return " ".join(f"-c {name}={value}" for name, value in _server_options(patience, schema).items())
+
+
+def transaction_options(patience: Patience | None, schema: str | None = None) -> bytes:
+    """The same as statements, for one transaction: a pooler gives the next one to another connection."""
+    options = _server_options(patience, schema).items()
+    return "; ".join(f"SET LOCAL {name} TO {value}" for name, value in options).encode()
+
+
+class PatientPool(QueuePool):
+    """Waits for a moment before it makes one more connection than it keeps: most are in use for milliseconds."""
+
+    WAIT_S: ClassVar[float] = 0.25
+
+    def _do_get(self) -> ConnectionPoolEntry:
+        if self.overflow() >= 0:  # all that it keeps are made
+            with suppress(Empty):
+                return self._pool.get(True, self.WAIT_S)
+        return super()._do_get()
 
 
 def make_engine(
@@ -63,26 +88,37 @@ def make_engine(
     patience: Patience | None = None,
     background: bool = False,
     schema: str | None = None,
+    pooled: bool = False,
 ) -> Engine:
     """An engine whose connections are checked before use, so that a restarted database costs no request.
 
     Without ``patience`` statements and locks take as long as they take: workers and imports have nobody who waits.
-    ``background``: connections have background priority at a server on this machine (``app.core.background``).
-    ``schema``: as ``server_options`` has it.
+    ``background``: connections have background priority at a server on this machine (``app.core.background``), and are
+    as few as can be (``PatientPool``).
+    ``schema``: as ``server_options`` has it. ``pooled``: connections are those of a pooler in transaction mode, and
+    nothing is kept in one beyond a transaction.
     """
-    limits = {}
+    limits: dict[str, Any] = {}
     if patience is not None:
         # libpq takes whole seconds, at least two.
         limits["connect_timeout"] = max(2, math.ceil(patience.connection_s))
     engine = create_engine(
         sqlalchemy_url(url),
+        poolclass=PatientPool if background else QueuePool,
         pool_pre_ping=True,
         hide_parameters=True,  # errors are logged, and boxes and places are parameters
         pool_size=pool_size,
         max_overflow=max_overflow,
         pool_timeout=30.0 if patience is None else patience.connection_s,
-        connect_args={"options": server_options(patience, schema), "application_name": "versant", **limits},
+        connect_args={
+            **({"prepare_threshold": None} if pooled else {"options": server_options(patience, schema)}),
+            "application_name": "versant",
+            **limits,
+        },
     )
+    if pooled:
+        begin = transaction_options(patience, schema)
+        event.listen(engine, "begin", lambda connection: _driver(connection).execute(begin))
     if background:
         event.listen(engine, "connect", lambda connection, _record: lower_server_priority(connection))
     return engine
@@ -121,7 +157,11 @@ def send_binary(session: Session, statement: str, parameters: Mapping[str, Any])
 
 
 def _connection(session: Session) -> Connection[Any]:
-    connection: Any = session.connection().connection.driver_connection
+    return _driver(session.connection())
+
+
+def _driver(on: sqlalchemy.Connection) -> Connection[Any]:
+    connection: Any = on.connection.driver_connection
     assert isinstance(connection, Connection)  # noqa: S101 - the one driver that app.core.db uses
     return connection
 

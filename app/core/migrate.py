@@ -102,7 +102,7 @@ def latest_revision() -> str | None:
 
 def standing_of(url: str) -> Standing:
     """How the database at ``url`` and this program stand to each other."""
-    engine = make_engine(url, pool_size=1)
+    engine = make_engine(url, pool_size=1, pooled=True)  # whatever the address leads through
     try:
         with engine.connect() as connection:
             return standing(connection)

@@ -39,6 +39,8 @@ TOLD_AT_ONCE, TELL_PAUSE_S = 10, 0.004
 takes a third of a millisecond."""
 PAUSE_S = 0.05
 """Between two looks: what changes meanwhile is looked at together."""
+UNTOLD_LOOK_S = 1.0
+"""Between two looks at what is followed where no announcement is received."""
 AGAIN_S = 1.0
 """After a look or a connection that failed."""
 CONNECT_TIMEOUT_S = 5
@@ -67,11 +69,14 @@ class News:
 class Feed:
     """The followers of a process. Everything but ``read`` happens in the event loop."""
 
-    def __init__(self, url: str, read: Read, look_every_s: float, streams: Shares) -> None:
-        """``read`` is called in a thread and returns those of the drives that there are."""
-        self._url = libpq_url(url)
+    def __init__(self, url: str | None, read: Read, look_every_s: float, streams: Shares) -> None:
+        """``read`` is called in a thread and returns those of the drives that there are.
+
+        ``url``: where announcements are received; None: nowhere, and what is followed is looked at every second.
+        """
+        self._url = url
         self._read = read
-        self._look_every_s = look_every_s
+        self._look_every_s = look_every_s if url else min(look_every_s, UNTOLD_LOOK_S)
         self._followers = Followers[uuid.UUID, News](streams, "Ask for the drive itself every few seconds")
         self.leave = self._followers.leave
         self._due: set[uuid.UUID] = set()
@@ -96,10 +101,10 @@ class Feed:
 
     async def _listen(self) -> None:
         listening = True
-        while True:
+        while self._url is not None:
             try:
                 async with await psycopg.AsyncConnection.connect(
-                    self._url,
+                    libpq_url(self._url),
                     autocommit=True,
                     connect_timeout=CONNECT_TIMEOUT_S,
                     application_name="versant events",

@@ -68,6 +68,9 @@ SETTLE_LOOK_EVERY_S = 60.0
 EPOCH_LOOK_EVERY_S = 30.0
 """How often a worker looks whether the database was restored beneath it, seconds."""
 
+MORE_CONNECTIONS = 7
+"""Beside its own one a lane may have so many, each for as long as several things need one at the same time."""
+
 RENEW_EVERY_S = 600.0
 """How often a worker looks for what an update of the service left to be done, seconds."""
 
@@ -84,6 +87,7 @@ def run_worker(
     with_chores: bool = True,
     process: str = "worker",
     renewed: bool = False,
+    wakes: int | None = None,
 ) -> bool:
     """Process drives, one after the other, until SIGTERM or SIGINT (in the main thread) or ``stop_event``.
 
@@ -92,16 +96,23 @@ def run_worker(
     process is taken to be its own.
     Without ``with_chores`` another worker of this machine sees to what is done beside the drives. What it counts is
     written under the name ``process``. ``renewed``: another process takes the place of this one when it ends; it may
-    take so much memory as the settings say, and returns True where it ended for having grown.
+    take so much memory as the settings say, and returns True where it ended for having grown. ``wakes``: the end of a
+    pipe by which the machine's listener tells of jobs; without one it asks for them every second.
     """
     if settings.database_url is None:
         raise ValueError("the worker needs settings.database_url")
     if renewed:
         limit_growth(settings.lane_memory_bytes)
-    engine = make_engine(settings.database_url, pool_size=2, max_overflow=6, background=True)
+    engine = make_engine(
+        settings.database_url,
+        pool_size=1,
+        max_overflow=MORE_CONNECTIONS,
+        background=True,
+        pooled=settings.database_pooled,
+    )
     try:
         context = JobContext(settings, session_factory(engine), queue_touched)
-        worker = Worker(settings, engine, context.sessions, tasks_of(context))
+        worker = Worker(settings, engine, context.sessions, tasks_of(context), wakes)
         with (
             counting(context.sessions, process) as ledger,
             closing(Teller(context.sessions, settings)) as teller,

@@ -12,9 +12,9 @@ from typing import Any
 
 import procrastinate
 from procrastinate import exceptions, job_context, jobs
+from procrastinate.connector import BaseAsyncConnector
 from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
-from app.core.settings.places import libpq_url
 from app.core.telemetry.logs import about
 from app.jobs.computations import Liveness
 from app.jobs.memory import MORE_MEMORY
@@ -37,8 +37,6 @@ LEEWAY, LEEWAY_S = 1.1, 5.0
 
 Without the seconds a short limit would give up processes whose runs look, only not that often.
 """
-
-_CONNECTIONS = 5  # of the queue: fetching, listening, heartbeat, looking after stalled jobs
 
 
 class CutOffError(Exception):
@@ -93,9 +91,6 @@ class Runs:
     def __init__(self, liveness: Liveness, limit_s: float) -> None:
         self.liveness, self.limit_s = liveness, limit_s
         self.current: dict[int, Run] = {}
-        self.begun: set[int] = set()
-        """Jobs begun and not ended: where the queue takes one of them for a dead worker's, this process was only cut
-        off from it."""
         self.workers: set[int] = set()
         """Whom the queue has given jobs in this process."""
         self.stopping = threading.Event()
@@ -141,7 +136,6 @@ class Runs:
             outcome = "put back"
         except Exception as error:
             outcome = self._cut_off_or_failed(run, context, error)
-        self.begun.discard(run.job)
         self.liveness.forget(run.job)
         return outcome
 
@@ -155,7 +149,6 @@ class Runs:
 
     @contextmanager
     def _registered(self, run: Run) -> Iterator[None]:
-        self.begun.add(run.job)
         self.current[run.job] = run
         try:
             yield
@@ -180,17 +173,15 @@ class Runs:
             raise CutOffError from error
         logger.error("job %s (%s) failed", run.job, run.task.kind.name, exc_info=error)
         run.task.give_up(*_failure_of(run.task, error), **run.arguments)
-        self.begun.discard(run.job)
         self.liveness.forget(run.job)
         raise error
 
 
-def make_queue(url: str, tasks: Sequence[Task], runs: Runs) -> procrastinate.App:
-    """The queue with its tasks (their contract: ``app.jobs.task``), on the database at ``url``; the caller opens it.
+def make_queue(connector: BaseAsyncConnector, tasks: Sequence[Task], runs: Runs) -> procrastinate.App:
+    """The queue with its tasks (their contract: ``app.jobs.task``), by ``connector``; the caller opens it.
 
     ``runs`` holds what this process runs of them.
     """
-    connector = procrastinate.PsycopgConnector(conninfo=libpq_url(url), min_size=1, max_size=_CONNECTIONS)
     app = procrastinate.App(connector=connector)
     for task in tasks:
         _register(app, task, runs)

@@ -42,6 +42,10 @@ class BusyConnections:
         for over in ("checkin", "close", "invalidate"):
             event.listen(engine, over, lambda connection, *_: self._busy.discard(connection))
 
+    def spare(self, connection: psycopg.Connection[Any]) -> None:
+        """Cancel nothing on it until it is used for something else: by it the queue is told what becomes of jobs."""
+        self._busy.discard(connection)
+
     def cancel(self) -> None:
         """End the statements that run just now: each raises in its own thread."""
         for connection in tuple(self._busy):

@@ -20,6 +20,7 @@ from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session
 
+from app.core.claims import ClaimLostError
 from fusion.errors import FusionError
 
 QUEUE = "drives"
@@ -91,7 +92,11 @@ def add_job(session: Session, kind: Kind, *, lock: str | None = None, **argument
 
 
 def is_connection_loss(error: BaseException) -> bool:
-    """Whether the database could not be reached or cut a transaction off, so that another run may succeed."""
-    if isinstance(error, OperationalError | InterfaceError | PoolTimeoutError | psycopg.OperationalError):
+    """Whether the database could not be reached or cut a transaction off, so that another run may succeed.
+
+    Whoever lost a claim was cut off for so long.
+    """
+    cut_off = OperationalError | InterfaceError | PoolTimeoutError | psycopg.OperationalError | ClaimLostError
+    if isinstance(error, cut_off):
         return True
     return isinstance(error, DBAPIError) and error.connection_invalidated

@@ -23,8 +23,10 @@ from sqlalchemy import Engine
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.jobs import memory
-from app.jobs.computations import Liveness, charge, forget_gone
+from app.jobs.computations import Liveness, charge_dead, forget_gone
+from app.jobs.connector import EngineConnector
 from app.jobs.runs import Runs, make_queue
+from app.jobs.signs import Signs
 from app.jobs.stopping import RUN_ON_SHARE, BusyConnections, Stopping
 from app.jobs.task import QUEUE, Task
 
@@ -39,6 +41,9 @@ SILENT_S = 90.0
 """A loop that asks for no work for so long begins anew (upstream's faults: ``app.jobs``). It asks every second, unless
 a job runs; while the database is away its questions take half a minute each."""
 
+
+SIGNS = "processes"
+"""Folder in the data folder for signs of life."""
 
 Chore = Callable[[], Awaitable[bool | None]]
 """What is done beside the jobs, in pieces of at most a second or so; true: there is more to do."""
@@ -70,20 +75,29 @@ class Watchdog:
 
 
 class Worker:
-    """One lane of work on the queue of ``settings.database_url``."""
+    """One lane of work on the queue."""
 
-    def __init__(self, settings: Settings, engine: Engine, sessions: Sessions, tasks: Sequence[Task]) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        engine: Engine,
+        sessions: Sessions,
+        tasks: Sequence[Task],
+        wakes: int | None = None,
+    ) -> None:
+        """``sessions`` are of ``engine``; ``wakes``: the end of the listener's pipe (``app.jobs.listening``)."""
         self._settings, self._sessions = settings, sessions
-        url = str(settings.database_url)
-        self._runs = Runs(Liveness(url), settings.run_limit_s)
-        self._queue = make_queue(url, tasks, self._runs)
+        busy = BusyConnections(engine)
+        self._signs = Signs(settings.data_dir / SIGNS)
+        self._runs = Runs(Liveness(sessions, self._signs), settings.run_limit_s)
+        self._queue = make_queue(EngineConnector(engine, busy.spare, wakes), tasks, self._runs)
         self._watchdog = Watchdog(self._queue, self._runs.current)
         self._unended: set[int] = set()
         self._stop, self._too_large = asyncio.Event(), False
         self._stopping = Stopping(
             self._queue,
             self._runs,
-            BusyConnections(engine),
+            busy,
             settings.grace_s,
             may_exit=threading.current_thread() is threading.main_thread(),
         )
@@ -105,10 +119,11 @@ class Worker:
         retry_every_s = min(self._settings.stalled_after_s / 4, 10.0)
         all_chores = ((self._retry_stalled, retry_every_s), *chores)
         try:
+            self._signs.begin()
             asyncio.run(self._work(all_chores, wait, stop_event))
         finally:
             self._stopping.end()
-            self._runs.liveness.close()
+            self._signs.end()
         return self._too_large
 
     async def _work(
@@ -117,13 +132,11 @@ class Worker:
         stop = self._stop
         self._stopping.attach(asyncio.get_running_loop())
         limits = in_thread(self._stopping.give_up_overdue, "what takes too long could not be given up")
-        alive = in_thread(self._runs.liveness.look, "the database could not be told that this worker lives")
         with _stop_signals(stop):
             async with contextlib.AsyncExitStack() as tasks_beside:
                 for background_work in (
                     self._end_when(stop, stop_event),
                     _repeat(limits, _LOOK_AT_LIMITS_EVERY_S, None),
-                    _repeat(alive, self._settings.heartbeat_interval_s, None),
                 ):
                     await tasks_beside.enter_async_context(_background(background_work))
                 await tasks_beside.enter_async_context(self._queue.open_async())
@@ -202,9 +215,9 @@ class Worker:
     async def _retry_stalled(self) -> None:
         """Put jobs of silent workers back. Two workers may do so at once: a job may safely run twice.
 
-        A job that this process itself had begun was only cut off from the database; of any other's the
-        computation may be what its worker died of.
+        First those of this machine that died are looked for: the computation may be what a worker died of.
         """
+        await in_thread(self._look_for_dead, "deaths were not counted")()
         try:
             for job in await self._queue.job_manager.get_stalled_jobs(
                 queue=QUEUE, seconds_since_heartbeat=self._settings.stalled_after_s
@@ -213,9 +226,6 @@ class Worker:
                 if number in self._runs.current:
                     continue
                 logger.warning("job %s of a silent worker goes back into the queue", number)
-                if number not in self._runs.begun:
-                    await in_thread(functools.partial(self._charge, number), "a death was not counted")()
-                self._runs.begun.discard(number)
                 await self._put_back(job)
             await self._put_back_unended()
         except exceptions.ConnectorException:
@@ -245,9 +255,9 @@ class Worker:
         except exceptions.UniqueViolation:  # one is enough and another waits
             await self._queue.job_manager.finish_job(job, jobs.Status.ABORTED, delete_job=True)
 
-    def _charge(self, job: int) -> None:
-        with self._sessions.begin() as session:
-            charge(session, job)
+    def _look_for_dead(self) -> None:
+        for process in charge_dead(self._sessions, self._signs):
+            logger.warning("process %s died; what it had claimed is free", process)
 
     def _forget_gone(self) -> None:
         with self._sessions.begin() as session:

@@ -16,7 +16,7 @@ from sqlalchemy import text
 from app.core.db import Sessions
 from app.core.telemetry.measures import SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, take_unsettled, unsettle, unsettled, versions_of
-from app.network.locks import cell_claims
+from app.network.locks import cell_claim
 from app.network.solve import settle_cell
 from app.network.swap import BusyError, Proposal, condense_old_passes, log_solution, snapshot, swap
 from fusion.types import Progress, no_progress
@@ -100,10 +100,10 @@ def _settle(sessions: Sessions, cell: int) -> None:
     with sessions.begin() as session:
         take_unsettled(session, [cell])
     try:
-        with cell_claims(sessions) as claims:
+        with cell_claim(sessions) as claim:
             for attempt in range(_TRIES):
                 started_s = time.monotonic()
-                if claims.take(cell):
+                if claim.take([cell]):
                     proposal = _propose(sessions, cell)
                     if swap(sessions, proposal, settled=True):
                         log_solution("settled", proposal, 1, time.monotonic() - started_s, attempt + 1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import random
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -18,12 +18,13 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
+from app.core.claims import Claim
 from app.core.db import Sessions
 from app.core.telemetry.logs import tell
 from app.core.telemetry.measures import CELLS_SOLVED, SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
 from app.network.condensed import AT_ONCE, condense, condensed_by_drive, portions
-from app.network.locks import CellClaims, cell_claims, try_share_network
+from app.network.locks import cell_claim, cells_taken, try_share_network
 from app.network.marks import Marked, Waiting, count_cells, delete_marks, marked_in, note_try, waiting_cells
 from app.network.passes import partitions_of, set_accepted
 from app.network.publish import clear_slopes, refresh_aggregates, write_slopes
@@ -99,15 +100,15 @@ def solve_marked(
     before it solves if there is work for another solver, ``published`` when the map is up to date and only old passes
     are left to be condensed.
     """
-    with cell_claims(sessions) as claims:
-        with sessions() as session:
+    with cell_claim(sessions) as claim:
+        with sessions.begin() as session:
             waiting = waiting_cells(session)
-        cells = _claim(claims, waiting, only_due)
+            cells = _claim(claim, session, waiting, only_due)
+            if cells:
+                note_try(session, cells)
         if cells:
             if any((w.due or not only_due) and w.cell not in cells for w in waiting):
                 more()
-            with sessions.begin() as session:
-                note_try(session, cells)
             publish_cells(sessions, cells, published)
     return len(cells)
 
@@ -228,24 +229,30 @@ def condense_old_passes(sessions: Sessions, proposal: Proposal) -> None:
         logger.debug("%d old passes are not condensed yet: others hold a lock", len(old))
 
 
-def _claim(claims: CellClaims, waiting: list[Waiting], only_due: bool) -> set[int]:
-    """Claim the first cell that is free, and marked ones around it as long as they are few."""
-    marked = {w.cell: w for w in waiting}
-    for first in waiting:
-        if (first.due or not only_due) and claims.take(first.cell):
-            break
-    else:
-        return set()
-    edge, touched = [] if first.suspect else [first.cell], first.touched
-    while edge and len(claims.cells) < MOST_CELLS:
+def _claim(claim: Claim, session: Session, waiting: list[Waiting], only_due: bool) -> set[int]:
+    """Claim the first cell that is free, and marked ones around it as long as they are few; as many as are got."""
+    taken = cells_taken(session)
+    free = {w.cell: w for w in waiting if w.cell not in taken}
+    for first in free.values():
+        if (first.due or not only_due) and (cells := claim.take(_around(first, free), session)):
+            return cells
+    return set()
+
+
+def _around(first: Waiting, free: Mapping[int, Waiting]) -> set[int]:
+    """A cell and those of the others around it that are solved with it."""
+    cells, touched = {first.cell}, first.touched
+    edge = [] if first.suspect else [first.cell]
+    while edge and len(cells) < MOST_CELLS:
         for cell in beside(edge.pop(0)):
-            near = marked.get(cell)
-            if near is None or near.suspect or cell in claims.cells or touched + near.touched > MOST_TOUCHED:
+            near = free.get(cell)
+            if near is None or near.suspect or cell in cells or touched + near.touched > MOST_TOUCHED:
                 continue
-            if len(claims.cells) < MOST_CELLS and claims.take(cell):
+            if len(cells) < MOST_CELLS:
+                cells.add(cell)
                 touched += near.touched
                 edge.append(cell)
-    return claims.cells
+    return cells
 
 
 def _propose(session: Session, marked: Marked) -> Proposal:

@@ -45,16 +45,17 @@ def release(
 
     Raises ``BusyReleaseError`` where another is being made.
     """
-    with _sessions(url) as (live, told, edition), releasing_alone(live) as alone:
+    with _sessions(url, settings) as (live, told, edition), releasing_alone(live) as alone:
         if not alone:
             raise BusyReleaseError("An edition is being made just now. Ask again when it is done.")
         needed = settings.owners_needed
         examine(live, progress)
-        tell(live, needed, progress)
+        tell(live, needed, progress, alone.require)
         solve(told, progress)
         progress("serving", 0.0)
         begin_epoch(edition)
         with edition.begin() as session:
+            alone.require(session)
             of_day = day or today()
             serving.serve(session, needed, of_day)
             number = serving.add_edition(
@@ -71,7 +72,7 @@ def release(
 
 def add_files(url: str, settings: Settings, progress: Progress = no_progress) -> Edition | None:
     """Write the files of the newest edition where whoever made it was cut off before; None: it has them."""
-    with _sessions(url) as (live, _, edition), releasing_alone(live) as alone:
+    with _sessions(url, settings) as (live, _, edition), releasing_alone(live) as alone:
         with live() as session:
             latest = store.latest_edition(session)
         if latest is None or latest.files or not alone:
@@ -139,6 +140,7 @@ def forget(sessions: Sessions, settings: Settings) -> bool:
         if not alone:
             return False
         with sessions.begin() as session:
+            alone.require(session)
             read_edition(session)  # triggers of its tables write to what is called so there
             editions = store.list_editions(session)
             forgotten = serving.forget_all(session)
@@ -147,10 +149,13 @@ def forget(sessions: Sessions, settings: Settings) -> bool:
 
 
 @contextmanager
-def _sessions(url: str) -> Iterator[tuple[Sessions, Sessions, Sessions]]:
+def _sessions(url: str, settings: Settings) -> Iterator[tuple[Sessions, Sessions, Sessions]]:
     """Of the live tables, of what is told, of what is served."""
     with ExitStack() as stack:
-        engines = [make_engine(url, background=True, schema=schema) for schema in (None, TOLD, EDITION)]
+        engines = [
+            make_engine(url, background=True, schema=schema, pooled=settings.database_pooled)
+            for schema in (None, TOLD, EDITION)
+        ]
         for engine in engines:
             stack.callback(engine.dispose)
         live, told, edition = map(session_factory, engines)

@@ -8,7 +8,7 @@ segment is unknown again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from sqlalchemy.orm import Session
@@ -72,9 +72,18 @@ def _examine_some(session: Session, drives: Sequence[ToExamine], junctions: Junc
             store.note_examined(session, one, out.tolist())
 
 
-def tell(sessions: Sessions, owners_needed: int, progress: Progress = no_progress) -> list[int]:
-    """Bring what is told up to date and mark it to be solved, in one transaction; the segments that changed."""
+def tell(
+    sessions: Sessions,
+    owners_needed: int,
+    progress: Progress = no_progress,
+    begin: Callable[[Session], None] = lambda _: None,
+) -> list[int]:
+    """Bring what is told up to date and mark it to be solved, in one transaction; the segments that changed.
+
+    ``begin`` is called as the transaction begins, and may refuse it by raising.
+    """
     with sessions.begin() as session:
+        begin(session)
         progress("choosing", 0.0)
         drives, segments = choosing.choose(session, owners_needed)
         condense_told(session, drives, segments, progress)

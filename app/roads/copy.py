@@ -35,6 +35,7 @@ _HEIGHT = np.dtype([("size", ">i4"), ("value", ">f8")])
 _FLOAT8 = 701  # PostgreSQL's number of the type
 
 _FIELDS: dict[str, Any] = {
+    "n": ">i4",
     "osm_way_id": ">i8",
     "from_node": ">i8",
     "to_node": ">i8",
@@ -49,26 +50,15 @@ _FIELDS: dict[str, Any] = {
     "dem_slope_percent": ">f8",
 }
 
-_DROP = text("DROP TABLE IF EXISTS pg_temp.road_import, pg_temp.road_import_tags")
+# Not TRUNCATE, which would wait for a backup that reads beside.
+_EMPTY = (text("DELETE FROM road_import"), text("DELETE FROM road_import_tags"))
 
-# NaN stands for "unknown" here, because a NULL would change the width of its row; an empty array for no height at all.
-_CREATE = text("""
-    CREATE TEMPORARY TABLE road_import (
-        n integer GENERATED ALWAYS AS IDENTITY (MINVALUE 0),
-        osm_way_id bigint, from_node bigint, to_node bigint, geom geometry, geom_3857 geometry,
-        length_m float8, tag integer, oneway smallint, bridge boolean, tunnel boolean, layer smallint,
-        dem_slope_percent float8, dem_heights_m float8[]
-    )
-""")
-_CREATE_TAGS = text("""
-    CREATE TEMPORARY TABLE road_import_tags (tag integer PRIMARY KEY, highway text, name text)
-""")
+# NaN stands for "unknown" there, because a NULL would change the width of its row; an empty array for no height at all.
 _FILL_TAGS = text("""
     INSERT INTO road_import_tags
     SELECT * FROM unnest(CAST(:tag AS integer[]), CAST(:highway AS text[]), CAST(:name AS text[]))
 """)
 _COPY = f"COPY road_import ({', '.join(_FIELDS)}, dem_heights_m) FROM STDIN (FORMAT BINARY)"
-_INDEX = text("CREATE UNIQUE INDEX ON road_import (n)")
 
 # The planner knows nothing of a table that was just filled.
 _ANALYZE = text("ANALYZE road_import")
@@ -77,15 +67,12 @@ _ANALYZE = text("ANALYZE road_import")
 def copy_roads(
     session: Session, table: RoadTable, dem_slope_percent: Floats, dem_heights_m: Floats, progress: Progress
 ) -> None:
-    """Fill the connection's temporary tables ``road_import``, whose ``n`` is the row of ``table``, and
-    ``road_import_tags``.
+    """Fill ``road_import``, whose ``n`` is the row of ``table``, and ``road_import_tags`` in place of what was there.
 
-    They last until ``forget_roads``, for an import takes several transactions.
+    Both are of whoever imports just now, until ``forget_roads``, for an import takes several transactions.
     ``dem_slope_percent`` has shape (n,); ``dem_heights_m`` is one segment's knots after another's; NaN unknown.
     """
-    session.execute(_DROP)
-    session.execute(_CREATE)
-    session.execute(_CREATE_TAGS)
+    forget_roads(session)
     codes = _copy_tags(session, table)
     cursor: Cursor[Any] = session.connection().connection.cursor()  # type: ignore[assignment]
     with cursor, cursor.copy(_COPY) as copy:
@@ -94,13 +81,13 @@ def copy_roads(
             copy.write(rows)
             progress("copying", done / max(len(table), 1))
         copy.write(_TRAILER)
-    session.execute(_INDEX)
     session.execute(_ANALYZE)
 
 
 def forget_roads(session: Session) -> None:
-    """Let the temporary tables go."""
-    session.execute(_DROP)
+    """Empty both."""
+    for statement in _EMPTY:
+        session.execute(statement)
 
 
 def _copy_tags(session: Session, table: RoadTable) -> NDArray[np.int32]:
@@ -118,7 +105,7 @@ def _rows(
 ) -> Iterator[tuple[int, bytes]]:
     """Yield (rows so far, the next chunk in COPY's binary layout)."""
     columns: dict[str, Any] = {name: getattr(table, name, None) for name in _FIELDS}
-    columns |= {"tag": codes, "dem_slope_percent": dem_slope_percent}
+    columns |= {"n": np.arange(len(table)), "tag": codes, "dem_slope_percent": dem_slope_percent}
     degrees = np.column_stack([table.lon0_deg, table.lat0_deg, table.lon1_deg, table.lat1_deg])
     columns |= {"geom": _lines(degrees, SRID_DEGREES), "geom_3857": _lines(web_mercator(degrees), SRID_TILES)}
     knots = interval_count(knot_length(table.length_m)) + 1

@@ -9,20 +9,22 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from app.core import mirror
+from app.core.claims import Claim, ClaimLostError
 from app.core.db import Sessions
 from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
 from app.network.cells import LAST_STEP, state_of
-from app.network.locks import free_all, import_alone
+from app.network.locks import import_claim
 from app.network.swap import solve_all_marked
 from app.roads import region_files, steps, store
 from app.roads.changing import touch
@@ -126,24 +128,17 @@ def bring_in(
     progress: Progress = no_progress,
 ) -> ImportCounts:
     """Make ``table`` the roads of a region (an empty one removes it), beside drives and solvers; one at a time."""
-    with _connection(sessions) as session:
-        import_alone(session, lambda: progress("waiting for another import", 0.0))
-        session.commit()
-        work = Import(table, source, wishes, progress, partial(_transaction, session))
-        counts = work.plan(dem_dir)
-        if wishes.dry_run:
-            return counts
-        work.require_acceptance()
-        if wishes.agree is not None:
-            wishes.agree(counts)
-        while True:
-            try:
-                counts = work.carry_out(counts)
-                break
-            except steps.TerrainChangedError:
-                work.plan(dem_dir)  # the rest of it, with the heights of now
-        if work.former_uri is not None:
-            mirror.forget(dem_dir, work.former_uri)
+    with import_claim(sessions) as claim:
+        claim.wait(lambda: progress("waiting for another import", 0.0))
+        transaction = partial(_transaction, sessions, claim)
+        try:
+            counts = _do_alone(Import(table, source, wishes, progress, transaction), dem_dir)
+        finally:
+            # Where that fails the next import does it.
+            with suppress(ClaimLostError, SQLAlchemyError), transaction() as session:
+                forget_roads(session)
+    if wishes.dry_run:
+        return counts
     try:
         solve_all_marked(sessions, progress)
     except Exception:
@@ -155,24 +150,30 @@ def bring_in(
     return counts
 
 
-@contextmanager
-def _connection(sessions: Sessions) -> Iterator[Session]:
-    """A session that keeps its connection: several transactions, with locks and temporary tables that outlast each."""
-    with sessions() as one:
-        engine = one.get_bind().engine
-    with engine.connect() as connection, Session(connection, expire_on_commit=False) as session:
+def _do_alone(work: Import, dem_dir: FilePlace) -> ImportCounts:
+    """Plan, have it accepted, and carry it out; or only plan, in a dry run."""
+    wishes, counts = work.wishes, work.plan(dem_dir)
+    if wishes.dry_run:
+        return counts
+    work.require_acceptance()
+    if wishes.agree is not None:
+        wishes.agree(counts)
+    while True:
         try:
-            yield session
-        finally:
-            session.rollback()
-            forget_roads(session)
-            free_all(session)
-            session.commit()
+            counts = work.carry_out(counts)
+            break
+        except steps.TerrainChangedError:
+            work.plan(dem_dir)  # the rest of it, with the heights of now
+    if work.former_uri is not None:
+        mirror.forget(dem_dir, work.former_uri)
+    return counts
 
 
 @contextmanager
-def _transaction(session: Session) -> Iterator[Session]:
-    with session.begin():
+def _transaction(sessions: Sessions, claim: Claim) -> Iterator[Session]:
+    """One in which the import is still the only one."""
+    with sessions.begin() as session:
+        claim.require(session)
         yield session
 
 

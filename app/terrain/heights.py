@@ -106,7 +106,7 @@ def renewing(sessions: Sessions, dem_dir: FilePlace, *, wait: bool, look: Look =
 
     One program does it at a time: another one waits, or without ``wait`` leaves the work to the first.
     """
-    with own_heights(sessions, wait=wait) as mine:
+    with own_heights(sessions, wait=wait, look=look) as mine:
         while mine:
             with sessions() as session:
                 pending = pending_heights(session)

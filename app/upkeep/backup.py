@@ -62,7 +62,7 @@ def back_up(
     Broken off, it leaves the backup that was there, and is gone on with by the next. Logs that the store does not have
     are told in the result and no error: a drive gets its log back by the next upload of it.
     """
-    assert settings.database_url is not None  # noqa: S101 - the commands see to it
+    assert settings.session_url is not None  # noqa: S101 - the commands see to it
     with alone_in(folder):
         former = read_manifest(folder)
         with snapshot(sessions) as session:
@@ -75,7 +75,7 @@ def back_up(
             progress("database", 0.0)
             moment = datetime.now(UTC)
             path = f"database-{moment:%Y%m%dT%H%M%S%fZ}.dump"
-            dump(settings.database_url, exported, folder / path, versions.postgres_major)
+            dump(settings.session_url, exported, folder / path, versions.postgres_major)
         files = _Files(folder, former, progress)
         blobs = BlobStore(settings.blob_store_url)
         logs = [

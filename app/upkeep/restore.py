@@ -76,9 +76,9 @@ def restore(
     Where the store of logs was empty the restored database is the only one that uses it. Else it is another one to the
     store, and sweeps remove nothing until they are told that the former one is gone.
     """
-    assert settings.database_url is not None  # noqa: S101 - the commands see to it
+    assert settings.session_url is not None  # noqa: S101 - the commands see to it
     require_empty(sessions, manifest)
-    databases.ensure_postgis(settings.database_url)
+    databases.ensure_postgis(settings.session_url)
     blobs = BlobStore(settings.blob_store_url)
     logs = manifest.below(LOGS)
     with sessions() as session:
@@ -95,8 +95,8 @@ def restore(
     progress("database", 0.0)
     newest = max(here.postgres_major, manifest.versions["postgres_major"])
     _roles(sessions)
-    dumps.restore(settings.database_url, folder / manifest.dump.path, newest)
-    schema.give_rights(settings.database_url)
+    dumps.restore(settings.session_url, folder / manifest.dump.path, newest)
+    schema.give_rights(settings.session_url)
     with sessions.begin() as session:
         waiting = store.put_back(session)
         followed = store.is_followed(session)

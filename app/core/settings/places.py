@@ -69,6 +69,12 @@ class Places(BaseSettings):
     )  # it may hold a password
     """PostgreSQL with PostGIS, as postgresql://user:password@host:port/name; unset: the embedded cluster in
     data_dir."""
+    database_pooled: bool = False
+    """Whether DATABASE_URL leads through a pooler in transaction mode, such as PgBouncer: then nothing is kept in a
+    connection beyond a transaction."""
+    database_direct_url: Annotated[str, AfterValidator(sqlalchemy_url)] | None = Field(None, repr=False)
+    """The same database past the pooler, for what needs a connection for itself: hearing of jobs and changes,
+    migrations, backups. Unset: DATABASE_URL; through a pooler jobs and changes are then looked for every second."""
     data_dir: Annotated[Path, AfterValidator(_absolute)] = Field(default_factory=default_data_dir)
     """Folder of the embedded cluster, of uploaded logs and of elevation rasters; default $XDG_DATA_HOME/versant or
     ~/.local/share/versant."""
@@ -102,6 +108,16 @@ class Places(BaseSettings):
 
     changes_kept_days: float = Field(90.0, ge=1)
     """Days for which removed segments are told to who follows changes; older versions get a 410."""
+
+    @property
+    def session_url(self) -> str | None:
+        """The database for what needs a connection for itself, as far as there is one."""
+        return self.database_direct_url or self.database_url
+
+    @property
+    def listen_url(self) -> str | None:
+        """The database where announcements can be received; None: a pooler is in between."""
+        return self.session_url if self.database_direct_url or not self.database_pooled else None
 
     @property
     def blob_store_url(self) -> str:

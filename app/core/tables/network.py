@@ -8,10 +8,22 @@ from datetime import datetime
 from typing import Any
 
 import sqlalchemy as sa
+from geoalchemy2 import WKBElement
 from sqlalchemy.dialects.postgresql import ARRAY
 from sqlalchemy.orm import Mapped, mapped_column
 
-from app.core.tables import Base, Estimate, Import, Numbered, OfWay, goes_with, where
+from app.core.tables import (
+    SRID_DEGREES,
+    SRID_TILES,
+    Base,
+    Estimate,
+    Import,
+    Numbered,
+    OfWay,
+    goes_with,
+    shape,
+    where,
+)
 
 PARTITION_PREFIX = "drive_passes_of_"
 """How the names of the parts of ``drive_passes`` begin; a row's part follows from a hash of its partition."""
@@ -268,3 +280,39 @@ class TouchedDrive(Base):
     road_state: Mapped[int] = mapped_column(sa.BigInteger)
     """A run that knew the roads of this state, or later ones, need not be repeated."""
     made_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
+
+
+class RoadImport(Base):
+    """A road of the file that is imported just now, with the heights below it; NaN and an empty array: unknown."""
+
+    __tablename__ = "road_import"
+
+    n: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    """Its place in the file."""
+    osm_way_id: Mapped[int] = mapped_column(sa.BigInteger)
+    from_node: Mapped[int] = mapped_column(sa.BigInteger)
+    to_node: Mapped[int] = mapped_column(sa.BigInteger)
+    geom: Mapped[WKBElement] = mapped_column(shape("LINESTRING", SRID_DEGREES))
+    geom_3857: Mapped[WKBElement] = mapped_column(shape("LINESTRING", SRID_TILES))
+    length_m: Mapped[float]
+    tag: Mapped[int]
+    oneway: Mapped[int] = mapped_column(sa.SmallInteger)
+    bridge: Mapped[bool]
+    tunnel: Mapped[bool]
+    layer: Mapped[int] = mapped_column(sa.SmallInteger)
+    dem_slope_percent: Mapped[float]
+    dem_heights_m: Mapped[list[float]]
+
+    __table_args__ = ({"prefixes": ["UNLOGGED"]},)
+
+
+class RoadImportTags(Base):
+    """What many roads of that file have in common."""
+
+    __tablename__ = "road_import_tags"
+
+    tag: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    highway: Mapped[str]
+    name: Mapped[str | None]
+
+    __table_args__ = ({"prefixes": ["UNLOGGED"]},)

@@ -205,10 +205,22 @@ class Computation(Base):
     since: Mapped[datetime | None]
     """When the computation began; NULL: none runs."""
     process: Mapped[str | None]
-    """Machine and number of the process, for people."""
-    backend: Mapped[int | None]
-    """The server's process behind the connection that the computation holds: both end together."""
-    backend_start: Mapped[datetime | None]
+    """Whose mark it is (``app.core.claims.process_name``)."""
+
+
+class ClaimRow(Base):
+    """What one holder at a time works on (``app.core.claims``): worth nothing once the server has crashed."""
+
+    __tablename__ = "claims"
+
+    name: Mapped[str] = mapped_column(primary_key=True)
+    key: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
+    holder: Mapped[uuid.UUID]
+    process: Mapped[str]
+    """Where the holder is: who finds it dead (``app.jobs.signs``) ends its claims."""
+    until: Mapped[datetime]
+
+    __table_args__ = ({"prefixes": ["UNLOGGED"]},)
 
 
 class SchemaSupport(OneRow, Base):

@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 import psycopg
 from psycopg import AsyncConnection
 from psycopg.pq import DiagnosticField, ExecStatus
-from psycopg.pq.abc import PGcancel, PGresult
+from psycopg.pq.abc import PGcancel, PGconn, PGresult
 
-from app.core.db import Patience, server_options
+from app.core.db import Patience, server_options, transaction_options
 from app.core.disconnects import AGAIN_S
 from app.core.settings.places import libpq_url
 
@@ -28,11 +28,15 @@ Connection = AsyncConnection[tuple[Any, ...]]
 class Connections:
     """Connections that wait for work; as many as are asked for at once, and ``kept`` of them while nobody asks."""
 
-    def __init__(self, url: str, patience: Patience, *, kept: int, schema: str | None = None) -> None:
-        """``schema``: as ``app.core.db.server_options`` has it."""
+    def __init__(
+        self, url: str, patience: Patience, *, kept: int, schema: str | None = None, pooled: bool = False
+    ) -> None:
+        """``schema`` and ``pooled``: as ``app.core.db.make_engine`` has them."""
         self._url = libpq_url(url)
         self._schema = schema
         self._patience = patience
+        self.begin = transaction_options(patience, schema) if pooled else None
+        """The statement with which each transaction has to begin."""
         self._kept = kept
         self._idle: list[Connection] = []
         self._at_work: dict[asyncio.Task[Any] | None, PGcancel] = {}
@@ -70,6 +74,14 @@ class Connections:
         async with self.one() as connection:
             return await work(connection)
 
+    @asynccontextmanager
+    async def transaction(self, connection: Connection) -> AsyncIterator[None]:
+        """One transaction, for the block."""
+        async with connection.transaction():
+            if self.begin is not None:
+                await connection.execute(self.begin)
+            yield
+
     def give_up(self, task: asyncio.Task[Any]) -> None:
         """Cancel a task that may work on a connection of these, and its statement on the server, until it has ended.
 
@@ -101,36 +113,43 @@ class Connections:
 
     async def connect(self) -> Connection:
         """A new connection, which is nobody else's."""
+        kept: dict[str, Any] = {
+            "prepare_threshold": 0,
+            "options": server_options(self._patience, self._schema),
+        }
         return await AsyncConnection.connect(
             self._url,
             autocommit=True,
-            prepare_threshold=0,
-            options=server_options(self._patience, self._schema),
+            **(kept if self.begin is None else {"prepare_threshold": None}),
             application_name="versant",
             connect_timeout=max(2, math.ceil(self._patience.connection_s)),
         )
 
 
 class Asker:
-    """One prepared statement, asked again and again on a connection that is for nothing else meanwhile.
+    """One question, asked again and again on a connection that is for nothing else meanwhile.
 
     Without the driver's cursors, conversions and tasks, which cost several times what the statement does: for the one
     look that comes before every answer. One question at a time.
     """
 
     def __init__(
-        self, connection: Connection, name: bytes, answered: Callable[[PGresult | psycopg.Error], None]
+        self,
+        connection: Connection,
+        send: Callable[[PGconn, str], None],
+        answered: Callable[[PGresult | psycopg.Error], None],
     ) -> None:
-        """``answered`` is called with each answer (in text format), and when the connection breaks."""
-        self._server, self._name, self._answered = connection.pgconn, name, answered
+        """``send`` sends the question; ``answered`` is called with the last result of each (in text format), and when
+        the connection breaks."""
+        self._server, self._send, self._answered = connection.pgconn, send, answered
         self._results: list[PGresult] = []
         self._socket = self._server.socket
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(self._socket, self._readable)
 
-    def ask(self, parameters: list[bytes | None]) -> None:
+    def ask(self, about: str) -> None:
         """Send the question; raises ``psycopg.OperationalError`` where the connection is gone."""
-        self._server.send_query_prepared(self._name, parameters)
+        self._send(self._server, about)
         self._server.flush()
 
     def stop(self) -> None:
@@ -152,8 +171,8 @@ class Asker:
             self._answered(error)
             return
         results, self._results = self._results, []
-        for result in results:
-            self._answered(_checked(result))
+        if results:
+            self._answered(_checked(results[-1]))
 
 
 def _checked(result: PGresult) -> PGresult | psycopg.Error:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from psycopg.pq.abc import PGresult
+from psycopg.pq.abc import PGconn, PGresult
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds, fetch_binary, send_binary
@@ -125,22 +125,22 @@ _CELL = "c.id, c.version, c.drawn_version, CAST(extract(epoch FROM c.changed_at)
 _NOW = "CAST(pg_current_snapshot() AS text)"
 # Exact in whatever order transactions end: what the former look has not seen has a number that its snapshot does not
 # hold. Numbers that this server has not given out yet come from another one; all was read when that was noticed.
-LOOK = b"versant_look"
-"""The name of the statement, one look into an index."""
 _LOOK = f"""
-    PREPARE {LOOK.decode()} (bigint, pg_snapshot) AS
     SELECT {_EPOCH}, {_NOW},
            (SELECT array_agg(ARRAY[{_CELL}]) FROM cells AS c
-            WHERE c.changed_xid >= $1
-                AND NOT pg_visible_in_snapshot(CAST(CAST(c.changed_xid AS text) AS xid8), $2)
+            WHERE c.changed_xid >= {{lowest}}
+                AND NOT pg_visible_in_snapshot(CAST(CAST(c.changed_xid AS text) AS xid8), {{seen}})
                 AND c.changed_xid < CAST(CAST(pg_snapshot_xmax(pg_current_snapshot()) AS text) AS bigint))
 """  # noqa: S608 - constants
+_PREPARED = b"versant_look"
+_PREPARE = f"PREPARE {_PREPARED.decode()} (bigint, pg_snapshot) AS {_LOOK.format(lowest='$1', seen='$2')}"
 _ALL = f"""
     SELECT {_EPOCH}, {_NOW}, {_CELL} FROM (SELECT 1) AS always LEFT JOIN cells AS c ON true
 """  # noqa: S608 - constants
 
 
 _NUMBER = re.compile(rb"-?\d+")
+_SNAPSHOT = re.compile(r"\d+:\d+:[\d,]*")
 
 
 CellVersion = tuple[int, int, int, int]
@@ -164,9 +164,17 @@ class Look(NamedTuple):
     cells: list[CellVersion]
 
 
-def look_question(seen: str) -> list[bytes | None]:
-    """The parameters of a look (``LOOK``) at the cells that changed since the snapshot ``seen``."""
-    return [seen.partition(":")[0].encode(), seen.encode()]
+def send_look(server: PGconn, seen: str) -> None:
+    """Ask what changed since the snapshot ``seen`` on a connection with ``prepare_looks``: one look into an index."""
+    server.send_query_prepared(_PREPARED, [seen.partition(":")[0].encode(), seen.encode()])
+
+
+def send_whole_look(begin: bytes, server: PGconn, seen: str) -> None:
+    """The same on any connection, as one transaction that begins with a statement: read and planned each time."""
+    if not _SNAPSHOT.fullmatch(seen):
+        raise ValueError(f"{seen!r} is no snapshot")
+    look = _LOOK.format(lowest=seen.partition(":")[0], seen=f"CAST('{seen}' AS pg_snapshot)")
+    server.send_query(begin + b"; " + look.encode())
 
 
 def look_answer(result: PGresult) -> Look:
@@ -179,8 +187,8 @@ def look_answer(result: PGresult) -> Look:
 
 
 async def prepare_looks(connection: Connection) -> None:
-    """Once for each connection: it is good for looks from here on."""
-    await connection.execute(_LOOK)
+    """Once for each connection that is not a pooler's: it is good for looks (``send_look``) from here on."""
+    await connection.execute(_PREPARE)
 
 
 async def look_at_all(connection: Connection) -> Look:

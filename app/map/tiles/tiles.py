@@ -91,11 +91,12 @@ class Tiles:
         """``schema``: of the map, as ``app.core.db.server_options`` has it; None: the live one."""
         patience = Patience(settings.statement_timeout_s, settings.lock_timeout_s, settings.pool_timeout_s)
         self.settings = settings
-        self.watch = Watch(Connections(url, patience, kept=1, schema=schema))
+        pooled = settings.database_pooled
+        self.watch = Watch(Connections(url, patience, kept=1, schema=schema, pooled=pooled))
         self.built = 0
         """How many tiles this process has built."""
         self._classes = request_classes
-        self._builders = Connections(url, patience, kept=settings.db_pool_size, schema=schema)
+        self._builders = Connections(url, patience, kept=settings.db_pool_size, schema=schema, pooled=pooled)
         self._memory: Memory[Address, Tile] = Memory(settings.tile_memory_bytes)
         self._roads: KnownRoads = Memory(settings.tile_memory_bytes)
         self._serial = count()
@@ -166,8 +167,10 @@ class Tiles:
 
         async def work(connection: Connection) -> int:
             if counts:
-                await store.note_asked(connection, counts)
-            return await store.clean(connection, self.settings.tiles_stored_bytes)
+                async with self._builders.transaction(connection):
+                    await store.note_asked(connection, counts)
+            async with self._builders.transaction(connection):
+                return await store.clean(connection, self.settings.tiles_stored_bytes)
 
         gone = await self._builders.run(work)
         if gone:
@@ -229,7 +232,7 @@ class Tiles:
         """The kept tile, or one that is built and kept. Its data are as new as the ETag or newer, never older."""
         body = None
         try:
-            async with connection.transaction():
+            async with self._builders.transaction(connection):
                 await store.lock_tile(connection, at)
                 full_zoom = self.settings.tile_full_zoom
                 stored, data = await store.kept_or_made(connection, at, etag, full_zoom, self._roads)

@@ -12,7 +12,7 @@ import asyncio
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import psycopg
 from psycopg.pq.abc import PGresult
@@ -182,7 +182,7 @@ class Watch:
             if self._asker is None:
                 self._read_all()
             else:
-                self._asker.ask(store.look_question(self._snapshot))
+                self._asker.ask(self._snapshot)
         except psycopg.Error:
             self._lose()
 
@@ -247,8 +247,10 @@ class Watch:
         try:
             if self._connection is None:
                 self._connection = await self._connections.connect()
-                await store.prepare_looks(self._connection)
-            look = await store.look_at_all(self._connection)
+                if self._connections.begin is None:
+                    await store.prepare_looks(self._connection)
+            async with self._connections.transaction(self._connection):
+                look = await store.look_at_all(self._connection)
             versions = Versions(look.epoch)
             await asyncio.to_thread(versions.put, look.cells)
         except Exception as error:  # whatever it is, somebody waits
@@ -258,7 +260,9 @@ class Watch:
         self.versions, self._snapshot = versions, look.snapshot
         self.changes += 1
         self._anything = True
-        self._asker = Asker(self._connection, store.LOOK, self._answered)
+        begin = self._connections.begin
+        send = store.send_look if begin is None else partial(store.send_whole_look, begin)
+        self._asker = Asker(self._connection, send, self._answered)
         self._end_look(None)
 
     async def _disconnect(self) -> None:

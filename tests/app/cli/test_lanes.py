@@ -6,17 +6,22 @@ import contextlib
 import os
 import re
 import signal
+import statistics
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from sqlalchemy import text
 
 from app.cli import children
 from app.cli.lanes import Forked
+from app.core.db import Sessions
 from app.core.settings import Settings
+from app.jobs.task import Kind, add_job
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
@@ -125,6 +130,71 @@ def test_lanes_come_again_after_the_process_they_were_forked_from_and_end_with_a
     assert nursery is not None
     worker.process.kill()
     await_gone({nursery, *lanes})
+
+
+def waited_s(sessions: Sessions, jobs: int) -> list[float]:
+    """How long so many jobs waited that came one by one to lanes without work."""
+    began = text("""
+        SELECT extract(epoch FROM s.at - d.at)::float8 FROM procrastinate_events AS d
+        JOIN procrastinate_events AS s ON s.job_id = d.job_id AND s.type = 'started'
+        WHERE d.type = 'deferred' ORDER BY d.at
+    """)
+    for number in range(1, jobs + 1):
+        time.sleep(0.3 + 0.07 * number)
+        with sessions.begin() as session:
+            add_job(session, Kind("nobody knows it"))  # so it fails, and what happened to it is kept
+        deadline, waited = time.monotonic() + 10.0, list[float]()
+        while len(waited) < number:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+            with sessions() as session:
+                waited = list(session.execute(began).scalars())
+    return waited
+
+
+def connections(sessions: Sessions, seconds: float) -> Counter[str]:
+    """The most that there were at once beside one's own, by the name that they give."""
+    query = text("""
+        SELECT application_name, count(*) AS connections FROM pg_stat_activity
+        WHERE datname = current_database() AND pid <> pg_backend_pid() GROUP BY 1
+    """)
+    most: Counter[str] = Counter()
+    until_s = time.monotonic() + seconds
+    with sessions() as session:
+        while time.monotonic() < until_s:
+            most |= Counter({row.application_name: row.connections for row in session.execute(query)})
+            session.rollback()
+            time.sleep(0.02)
+    return most
+
+
+@pytest.mark.slow
+def test_a_job_begins_at_once_and_idle_lanes_have_one_connection_each(
+    worker: Worker, sessions: Sessions
+) -> None:
+    worker.await_lanes()
+    time.sleep(3.0)  # the chores have been done once
+    assert statistics.median(waited_s(sessions, 7)) < 0.1
+    listener = connections(sessions, 0.1)["versant listener"]
+    assert listener == 1
+    # The chores of the first lane look for work, and may do so at the same time.
+    samples = [connections(sessions, 0.1)["versant"] for _ in range(40)]
+    assert statistics.median(samples) <= 2
+
+
+@pytest.mark.slow
+def test_lanes_hear_again_when_the_listeners_connection_was_cut(worker: Worker, sessions: Sessions) -> None:
+    worker.await_lanes()
+    cut = text("SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity WHERE application_name = :name")
+    with sessions() as session:
+        deadline = time.monotonic() + PATIENCE_S
+        while not session.execute(cut, {"name": "versant listener"}).scalar_one():
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+    deadline = time.monotonic() + PATIENCE_S
+    while not connections(sessions, 0.1)["versant listener"]:
+        assert time.monotonic() < deadline
+    assert statistics.median(waited_s(sessions, 5)) < 0.1
 
 
 @pytest.mark.slow

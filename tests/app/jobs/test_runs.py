@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 
-from app.core.db import Sessions
+from app.core.db import Sessions, make_engine
 from app.jobs import runs
 from app.jobs.computations import Liveness
+from app.jobs.connector import EngineConnector
 from app.jobs.runs import LEEWAY_S, LONGEST_PAUSE_S, MAX_DEATHS, Runs, make_queue
+from app.jobs.signs import Signs
 from app.jobs.task import Interrupted, Kind, Task, Work, add_job
 from fusion.errors import FusionError
 
@@ -24,9 +27,9 @@ ARGUMENTS = {"drive_id": "x", "generation": 3}
 class Queue:
     """Tasks that do as they are told, and what was done about them."""
 
-    def __init__(self, url: str, sessions: Sessions) -> None:
+    def __init__(self, url: str, sessions: Sessions, folder: Path) -> None:
         self.url, self.sessions = url, sessions
-        self.runs = Runs(Liveness(url), limit_s=3600.0)
+        self.runs = Runs(Liveness(sessions, Signs(folder)), limit_s=3600.0)
         self.said: list[tuple[Any, ...]] = []
         self.kinds = (Kind("plain"), Kind("urgent", priority=5))
 
@@ -55,7 +58,8 @@ class Queue:
 
     def work(self, does: Callable[[Work], None] = lambda _: None) -> list[tuple[Any, ...]]:
         """Everything that is to be done now; returns what was said."""
-        queue = make_queue(self.url, [self.task(kind, does) for kind in self.kinds], self.runs)
+        engine = make_engine(self.url)
+        queue = make_queue(EngineConnector(engine), [self.task(kind, does) for kind in self.kinds], self.runs)
 
         async def once() -> None:
             async with queue.open_async():
@@ -64,6 +68,7 @@ class Queue:
                 )
 
         asyncio.run(once())
+        engine.dispose()
         said, self.said = self.said, []
         return said
 
@@ -77,10 +82,8 @@ class Queue:
 
 
 @pytest.fixture
-def queue(database_url: str, sessions: Sessions) -> Iterator[Queue]:
-    queue = Queue(database_url, sessions)
-    yield queue
-    queue.runs.liveness.close()
+def queue(database_url: str, sessions: Sessions, tmp_path: Path) -> Queue:
+    return Queue(database_url, sessions, tmp_path)
 
 
 def test_every_task_of_the_list_is_run_the_urgent_first(queue: Queue) -> None:
@@ -100,7 +103,7 @@ def test_a_job_whose_worker_stops_is_run_again_at_once(queue: Queue) -> None:
 
     assert len(queue.work(stop)) == 2
     assert queue.jobs() == []
-    assert job not in queue.runs.begun
+    assert job not in queue.runs.current
 
 
 def lose(_: Work) -> None:

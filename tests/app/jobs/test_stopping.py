@@ -15,8 +15,10 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.core.settings import Settings
-from app.jobs.computations import charge
+from app.jobs.computations import charge_dead
+from app.jobs.signs import Signs
 from app.jobs.task import Kind, add_job
+from app.jobs.worker import SIGNS
 from job_worker import LOCK
 
 REPOSITORY = Path(__file__).resolve().parents[3]
@@ -73,6 +75,13 @@ def queue(sessions: Sessions, name: str) -> int:
         return int(session.execute(text("SELECT max(id) FROM procrastinate_jobs")).scalar_one())
 
 
+def deaths(sessions: Sessions, folder: Path) -> int:
+    """How many are counted once another worker has looked."""
+    charge_dead(sessions, Signs(folder / "none" / SIGNS))
+    with sessions() as session:
+        return int(session.execute(text("SELECT coalesce(sum(deaths), 0) FROM computations")).scalar_one())
+
+
 def job_states(sessions: Sessions) -> list[tuple[str, str]]:
     query = "SELECT task_name, status::text FROM procrastinate_jobs ORDER BY id"
     with sessions() as session:
@@ -82,17 +91,22 @@ def job_states(sessions: Sessions) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize("name", ["loop", "deaf", "lock"])
 def test_a_worker_ends_when_it_is_asked_to(
-    sessions: Sessions, start_worker: StartWorker, locked: None, name: str, number: signal.Signals
+    sessions: Sessions,
+    start_worker: StartWorker,
+    locked: None,
+    tmp_path: Path,
+    name: str,
+    number: signal.Signals,
 ) -> None:
-    job = queue(sessions, name)
+    queue(sessions, name)
     with start_worker() as process:
         await_it(sessions, f"{name} runs")
         process.send_signal(number)
         assert process.wait(PATIENCE_S) == 0
     assert job_states(sessions) == [(name, "todo")]
     assert happened(sessions)[1:] == ([] if name == "loop" else [f"{name} put back"])
+    assert deaths(sessions, tmp_path) == 0
     with sessions.begin() as session:
-        assert charge(session, job) == 0
         waits = text("SELECT scheduled_at IS NULL OR scheduled_at <= now() FROM procrastinate_jobs")
         assert session.execute(waits).scalar_one()
 
@@ -107,9 +121,9 @@ def test_a_chore_that_waits_keeps_no_worker(
 
 
 def test_a_job_is_innocent_when_its_worker_is_killed_after_it_was_asked_to_stop(
-    sessions: Sessions, start_worker: StartWorker
+    sessions: Sessions, start_worker: StartWorker, tmp_path: Path
 ) -> None:
-    job = queue(sessions, "deaf")
+    queue(sessions, "deaf")
     with start_worker(grace_s=600.0) as process:
         await_it(sessions, "deaf runs")
         marked = text("SELECT since IS NOT NULL FROM computations")
@@ -125,8 +139,7 @@ def test_a_job_is_innocent_when_its_worker_is_killed_after_it_was_asked_to_stop(
         process.kill()
         process.wait(PATIENCE_S)
     assert job_states(sessions) == [("deaf", "doing")]
-    with sessions.begin() as session:
-        assert charge(session, job) == 0
+    assert deaths(sessions, tmp_path) == 0
 
 
 def test_nobody_takes_a_job_from_a_worker_that_is_still_at_it_though_asked_to_stop(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import uuid
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from app.jobs.requests.run import RequestRun, perform
 from app.jobs.requests.store import Failure
 from app.jobs.task import Interrupted
 from app.jobs.task import Work as Given
-from app.network.locks import free_all, import_alone
+from app.network.locks import import_claim
 from app.operations.run import OPERATION
 from app.operations.store import operations
 from fusion.simulate.scene.town import Town
@@ -181,15 +181,14 @@ def test_an_import_at_the_command_line_is_waited_for_without_a_lane(
     monkeypatch.setattr("app.operations.run.WAIT_S", 0.05)
     number = ask(web, roads, kind="import-roads", filename="town.osm")
     stages: list[str] = []
-    with web.sessions() as other:
-        import_alone(other, lambda: None)
+    with ExitStack() as other:
+        other.enter_context(import_claim(web.sessions)).wait()
         progress = RequestRun.show
 
         def told(self: Any, stage: str, share: float) -> None:
             stages.append(stage)
             if stages.count("waiting for another import") == 3:
-                free_all(other)
-                other.commit()
+                other.close()
             progress(self, stage, share)
 
         monkeypatch.setattr(RequestRun, "show", told)

@@ -54,7 +54,7 @@ def test_counts_are_told_in_steps() -> None:
 
 def test_one_edition_at_a_time(public: Public) -> None:
     with releasing_alone(public.sessions) as alone:
-        assert alone
+        assert alone is not None
         with pytest.raises(run.BusyReleaseError, match="just now"):
             public.release()
     assert public.release().number == 1

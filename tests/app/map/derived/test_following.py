@@ -121,7 +121,7 @@ def test_changes_wait_for_those_that_may_still_come_before_them(
 def test_one_at_a_time(followed: Sessions, segment_ids: Ints) -> None:
     measure(followed, int(segment_ids[0]), 1.0)
     with locks.deriving_alone(followed) as alone:
-        assert alone
+        assert alone is not None
         assert not following.follow(followed)
         assert value(followed, "SELECT count(slope_percent) FROM ways") == 0
     # One who has lost the lock, and does not know it, comes too late and writes nothing.

@@ -49,9 +49,11 @@ def factory(url: str) -> Iterator[Sessions]:
     engine.dispose()
 
 
-def watched(url: str, scenario: Callable[[Watch], Coroutine[Any, Any, None]]) -> None:
+def watched(
+    url: str, scenario: Callable[[Watch], Coroutine[Any, Any, None]], *, pooled: bool = False
+) -> None:
     async def run() -> None:
-        watch = Watch(Connections(url, PATIENCE, kept=1))
+        watch = Watch(Connections(url, PATIENCE, kept=1, pooled=pooled))
         try:
             await scenario(watch)
         finally:
@@ -108,7 +110,7 @@ def test_sums_are_those_of_the_table(url: str, factory: Sessions, steps: Any, da
 
     with factory.begin() as session:
         session.execute(text("DELETE FROM cells"))
-    watched(url, scenario)
+    watched(url, scenario, pooled=data.draw(st.booleans()))
 
 
 def test_every_tile_of_a_cell_and_no_other_is_new() -> None:

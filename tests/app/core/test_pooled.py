@@ -1,0 +1,100 @@
+"""What is kept in a connection beyond a transaction is nobody's behind a pooler: so nothing is."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import httpx
+import pytest
+from sqlalchemy import text
+
+from app.core.claims import Claim
+from app.core.db import Patience, Sessions, make_engine, session_factory, snapshot
+from app.core.settings import Settings
+from app.drives import claims
+from pooler_fixtures import Pooler, pooler
+
+__all__ = ["pooler"]
+
+PATIENCE = Patience(7.0, 3.0, 5.0)
+STATE = text("""
+    SELECT current_schema(), current_setting('statement_timeout'), current_setting('TimeZone'),
+           current_setting('jit'), pg_backend_pid()
+""")
+
+Behind = Callable[..., Sessions]
+
+
+@pytest.fixture
+def behind(pooler: Pooler, database_url: str) -> Iterator[Behind]:
+    """``behind(schema=..., patience=...)``: sessions behind a pooler with one connection to the server."""
+    with ExitStack() as stack:
+        url = stack.enter_context(pooler(database_url, 1))
+
+        def make(**options: Any) -> Sessions:
+            engine = make_engine(url, pooled=True, **options)
+            stack.callback(engine.dispose)
+            return session_factory(engine)
+
+        yield make
+
+
+def test_each_transaction_has_the_settings_of_its_own_engine(behind: Behind) -> None:
+    live, told = behind(patience=PATIENCE), behind(schema="told")
+    seen = []
+    for _ in range(2):
+        for sessions in (live, told):
+            with sessions() as session:
+                seen.append(tuple(session.execute(STATE).one()))
+    assert [row[:4] for row in seen] == [("public", "7s", "UTC", "off"), ("told", "0", "UTC", "off")] * 2
+    assert len({row[4] for row in seen}) == 1, "all came to one connection"
+    with snapshot(live) as session:
+        assert session.execute(STATE).one()[:2] == ("public", "7s")
+
+
+def test_nothing_is_prepared(behind: Behind) -> None:
+    sessions = behind()
+    for _ in range(12):
+        with sessions() as session:
+            assert session.execute(text("SELECT :x + 1"), {"x": 1}).scalar_one() == 2
+            assert session.execute(text("SELECT count(*) FROM pg_prepared_statements")).scalar_one() == 0
+
+
+def test_claims_hold_though_every_transaction_is_on_the_same_connection(behind: Behind) -> None:
+    one, other = behind(), behind()
+    with Claim(one, "something") as mine, Claim(other, "something") as theirs:
+        assert mine.take([1, 2]) == {1, 2}
+        assert theirs.take([2, 3]) == {3}
+
+
+def test_followers_are_told_soon_where_no_announcement_comes(
+    settings: Settings, server_maker: Callable[[Settings], Any]
+) -> None:
+    pooled = settings.model_copy(update={"database_pooled": True, "events_poll_s": 60.0})
+    assert pooled.listen_url is None
+    with server_maker(pooled) as web:
+        log = b"time,lat,lon\n"
+        drive = str(web.client.post("/v1/drives", content=log).json()["id"])
+        with httpx.stream(
+            "GET", f"{web.base}/v1/drives/{drive}/events", timeout=30, trust_env=False
+        ) as answer:
+            lines = answer.iter_lines()
+            assert next(line for line in lines if line.startswith("data:"))
+            with web.sessions.begin() as session:
+                claims.mark_running(session, uuid.UUID(drive), 1)
+            began_s = time.monotonic()
+            assert '"running"' in next(line for line in lines if line.startswith("data:"))
+            assert time.monotonic() - began_s < 5.0
+
+
+def test_what_needs_a_connection_for_itself_goes_past_the_pooler(settings: Settings) -> None:
+    direct = "postgresql+psycopg://here/direct"
+    assert settings.listen_url == settings.session_url == settings.database_url
+    pooled = settings.model_copy(update={"database_pooled": True})
+    assert pooled.session_url == settings.database_url
+    past = pooled.model_copy(update={"database_direct_url": direct})
+    assert past.listen_url == past.session_url == direct
