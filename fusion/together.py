@@ -319,6 +319,11 @@ def factors_for_lag(
     """
     if result.late_by is None or lag_s is None:
         return None
-    before_s = factors[0].lag_s
+    next_s = next_lag(factors[0].lag_s, lag_s)
+    return None if next_s is None else result.late_by(next_s)
+
+
+def next_lag(before_s: float, lag_s: float) -> float | None:
+    """The lag to try after ``before_s``, seconds, where a solution finds ``lag_s``; None where it is settled."""
     step_s = float(np.clip(LAG_GAIN * (lag_s - before_s), -LAG_STEP_S, LAG_STEP_S))
-    return None if abs(step_s) < LAG_SETTLED_S else result.late_by(before_s + step_s)
+    return None if abs(step_s) < LAG_SETTLED_S else before_s + step_s

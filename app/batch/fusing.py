@@ -1,0 +1,145 @@
+"""A group of logs of one place through the pipeline: what their passes say and what is known of the drives is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.batch.folder import BatchFolder, key_of
+from app.batch.listing import Log
+from app.batch.locating import DIED
+from app.batch.opened import opened, sentence
+from app.batch.roads import PlacedRoads
+from app.batch.stored import PassRows, drive_row, read_drives, write_drives, write_passes
+from app.core.text import dumps
+from fusion.formats import read_log
+from fusion.network.pass_factor import PassFactor
+from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
+from fusion.roads.table import RoadTable, rows_of
+from fusion.terrain.dem import Dem
+from fusion.together import FusedDrive
+from fusion.types import Ints
+
+
+@dataclass(frozen=True)
+class Choices:
+    """How drives are fused: equal choices make equal results."""
+
+    version: str
+    method: str
+    options: dict[str, Any]
+    roads: PlacedRoads
+    rasters: tuple[tuple[str, int, int], ...]
+    """Path, bytes and time of writing (ns) of each"""
+
+    def document(self) -> dict[str, Any]:
+        """As JSON; where files stand has no part in it."""
+        return {
+            "version": self.version,
+            "method": self.method,
+            "options": self.options,
+            "roads": self.roads.folder.name,
+            "rasters": [[Path(path).name, size, time_ns] for path, size, time_ns in self.rasters],
+        }
+
+    def terrain(self) -> Dem | None:
+        """The rasters, opened once in each process."""
+        return _terrain(tuple(path for path, _, _ in self.rasters))
+
+
+@dataclass(frozen=True)
+class Group:
+    """Logs that one task fuses."""
+
+    folder: BatchFolder
+    key: str
+    logs: tuple[Log, ...]
+    choices: Choices
+
+    @classmethod
+    def of(cls, folder: BatchFolder, logs: Sequence[tuple[Log, str]], choices: Choices) -> Group:
+        """Of logs with the digests of their bytes."""
+        names = [(log.name, sha256) for log, sha256 in logs]
+        return cls(folder, key_of(choices.document(), names), tuple(log for log, _ in logs), choices)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether that is known from before; a log that killed its worker is tried once more."""
+        file = self.folder.drives(self.key)
+        return file.is_file() and all(row["reason"] != DIED for row in read_drives(file))
+
+    def work(self, without: frozenset[int] = frozenset()) -> None:
+        """Fuse each log but those whose numbers are in ``without``, which kill whoever does."""
+        rows: list[dict[str, Any]] = []
+        passes: list[PassRows] = []
+        for k, log in enumerate(self.logs):
+            if k in without:
+                rows.append({"log": log.name, "reason": DIED})
+                continue
+            try:
+                one, roads = fused(log, self.choices)
+            except Exception as error:  # whatever is wrong with a log, the others go on
+                rows.append({"log": log.name, "reason": sentence(error)})
+                continue
+            rows.append(drive_row(log.name, one, roads) | {"report": dumps(_finite(one.result.report))})
+            if one.result.factors:
+                passes.append(PassRows.of(k, one, one.result.factors, roads))
+        write_passes(self.folder, self.key, passes)
+        # At the end: where it is there, so are the passes.
+        write_drives(self.folder.drives(self.key), rows)
+
+    def alone(self, k: int) -> None:
+        """Fuse one log and keep nothing: whether it kills."""
+        try:
+            fused(self.logs[k], self.choices)
+        except Exception as error:
+            sentence(error)
+
+
+def fused(log: Log, choices: Choices) -> tuple[FusedDrive, RoadTable]:
+    """One drive, and the roads that its segments count in."""
+    options = parse_options(choices.method, choices.options)
+    with opened(log) as path:
+        read = read_log(path, columns=options.columns)
+    located = positions_of(read, options)
+    roads, rows = choices.roads.near(road_boxes(located.log))
+    network, result = run_drive(located, roads, choices.terrain(), method=choices.method, options=options)
+    own = rows[rows_of(roads, network.table)]
+    return FusedDrive(own, result, located.log.fix.time_s), network.table
+
+
+@dataclass(frozen=True)
+class Late:
+    """A drive, by its number, whose altimeter is late by another time than was thought."""
+
+    log: Log
+    drive: int
+    lag_s: float
+    choices: Choices
+
+    def work(self) -> tuple[list[PassFactor], Ints]:
+        """The passes anew, and the rows of roads that they count in."""
+        one, _ = fused(self.log, self.choices)
+        factors = [] if one.result.late_by is None else list(one.result.late_by(self.lag_s))
+        return factors, one.rows[np.array([f.segment for f in factors], np.int64)]
+
+
+@lru_cache(1)
+def _terrain(paths: tuple[str, ...]) -> Dem | None:
+    return Dem.open([Path(path) for path in paths], trusted=True) if paths else None
+
+
+def _finite(value: Any) -> Any:
+    """As JSON has it: unknown is null."""
+    if isinstance(value, dict):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, np.generic):
+        return _finite(value.item())
+    return None if isinstance(value, float) and not np.isfinite(value) else value
