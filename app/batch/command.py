@@ -42,7 +42,9 @@ def batch(
     control: Path | None = cli.CONTROL,
     gaps: bool = cli.GAPS,
     formats: str = cli.opt(
-        "Files of slopes, by names of formats, with commas between.", default="geoparquet", metavar="NAMES"
+        "Files of slopes, by names of formats, with commas between.",
+        default="geoparquet,pmtiles",
+        metavar="NAMES",
     ),
     out: Path = cli.opt(
         "Folder of all results, also of those in between: the same command goes on where it was cut off.",
@@ -101,14 +103,13 @@ def batch(
 
 
 def _formats(names: str) -> tuple[str, ...]:
-    from app.exports.formats import SEGMENT_FORMATS
+    from app.batch.outputs import formats_of_segments
 
     wanted = tuple(dict.fromkeys(name.strip() for name in names.split(",")))
+    known = formats_of_segments()
     for name in wanted:
-        if name not in SEGMENT_FORMATS:
-            raise typer.BadParameter(
-                f"{name!r} is none of {', '.join(SEGMENT_FORMATS)}.", param_hint="--formats"
-            )
+        if name not in known:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}.", param_hint="--formats")
     return wanted
 
 
@@ -122,6 +123,8 @@ def _tell(done: Done, console: Console, report: Path) -> dict[str, Any]:
     solution = done.solution
     segments, remarks = (0, []) if solution is None else (len(solution), solution.remarks)
     console.warn("", remarks)
+    for note in done.notes:
+        console.note(note)
     count = Counter(one.status for one in done.outcomes)
     for path in done.files:
         console.note(f"{path}: {segments:,} segments from {count['done']:,} of {len(done.outcomes):,} logs.")

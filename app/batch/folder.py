@@ -43,6 +43,14 @@ def write_table(path: Path, table: pa.Table, rows_together: int | None = None) -
         pq.write_table(table, partial, compression=COMPRESSION, row_group_size=rows_together)
 
 
+def is_settled(file: Path) -> bool:
+    """Whether a table of logs is there in which none is to be looked at again (column ``again``)."""
+    if not file.is_file():
+        return False
+    again: list[bool | None] = pq.read_table(file, columns=["again"], use_threads=False)["again"].to_pylist()
+    return not any(again)
+
+
 @dataclass(frozen=True)
 class BatchFolder:
     """Names of what is in it. Workers on other machines reach it by the same path."""

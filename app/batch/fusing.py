@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -10,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from app.batch.folder import BatchFolder, key_of
+from app.batch.folder import BatchFolder, is_settled, key_of
 from app.batch.listing import Log
-from app.batch.locating import DIED
-from app.batch.opened import opened, sentence
+from app.batch.opened import DIED, Reason, opened, reason_of
 from app.batch.roads import PlacedRoads
-from app.batch.stored import PassRows, drive_row, read_drives, write_drives, write_passes
+from app.batch.stored import PassRows, drive_row, write_drives, write_passes
 from app.core.text import dumps
 from fusion.formats import read_log
 from fusion.network.pass_factor import PassFactor
@@ -69,9 +69,8 @@ class Group:
 
     @property
     def is_done(self) -> bool:
-        """Whether that is known from before; a log that killed its worker is tried once more."""
-        file = self.folder.drives(self.key)
-        return file.is_file() and all(row["reason"] != DIED for row in read_drives(file))
+        """Whether that is known from before."""
+        return is_settled(self.folder.drives(self.key))
 
     def work(self, without: frozenset[int] = frozenset()) -> None:
         """Fuse each log but those whose numbers are in ``without``, which kill whoever does."""
@@ -79,12 +78,12 @@ class Group:
         passes: list[PassRows] = []
         for k, log in enumerate(self.logs):
             if k in without:
-                rows.append({"log": log.name, "reason": DIED})
+                rows.append(_not_used(log, DIED))
                 continue
             try:
                 one, roads = fused(log, self.choices)
             except Exception as error:  # whatever is wrong with a log, the others go on
-                rows.append({"log": log.name, "reason": sentence(error)})
+                rows.append(_not_used(log, reason_of(error)))
                 continue
             rows.append(drive_row(log.name, one, roads) | {"report": dumps(_finite(one.result.report))})
             if one.result.factors:
@@ -95,10 +94,8 @@ class Group:
 
     def alone(self, k: int) -> None:
         """Fuse one log and keep nothing: whether it kills."""
-        try:
+        with suppress(Exception):  # what is wrong with it is said where its result is kept
             fused(self.logs[k], self.choices)
-        except Exception as error:
-            sentence(error)
 
 
 def fused(log: Log, choices: Choices) -> tuple[FusedDrive, RoadTable]:
@@ -132,6 +129,10 @@ class Late:
 @lru_cache(1)
 def _terrain(paths: tuple[str, ...]) -> Dem | None:
     return Dem.open([Path(path) for path in paths], trusted=True) if paths else None
+
+
+def _not_used(log: Log, why: Reason) -> dict[str, Any]:
+    return {"log": log.name, "reason": why.text, "again": why.again}
 
 
 def _finite(value: Any) -> Any:

@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from app.batch.folder import BatchFolder, key_of, write_table
+from app.batch.folder import BatchFolder, is_settled, key_of, write_table
 from app.batch.listing import Log
-from app.batch.opened import digest, opened, sentence
+from app.batch.opened import DIED, digest, opened, reason_of
 from app.batch.places import cells, place_of_cell
 from fusion.formats import read_log
 from fusion.types import DriveLog
@@ -29,18 +29,23 @@ SCHEMA = pa.schema(
         "cell": pa.int64(),
         "epochs": pa.int64(),
         "reason": pa.string(),
+        "again": pa.bool_(),
     }
 )
 
 
 class Located(NamedTuple):
-    """A log, what its bytes are, the cell of its middle, how many positions, and why it is not used (empty: it is)."""
+    """A log, what its bytes are, the cell of its middle, how many positions, and why it is not used (empty: it is).
+
+    ``again``: that is to be looked at another time.
+    """
 
     log: Log
     sha256: str
     cell: int
     epochs: int
     reason: str
+    again: bool
 
 
 @dataclass(frozen=True)
@@ -55,13 +60,13 @@ class Chunk:
     @property
     def is_done(self) -> bool:
         """Whether that is known from before."""
-        return self.folder.located(self.key).is_file()
+        return is_settled(self.folder.located(self.key))
 
     def work(self, without: frozenset[int] = frozenset()) -> None:
         """Look at each log but those whose numbers are in ``without``, which kill whoever does."""
         found = [_looked_at(log, self.columns) for k, log in enumerate(self.logs) if k not in without]
         for k in sorted(without):
-            found.insert(k, ("", NOWHERE, 0, DIED))
+            found.insert(k, ("", NOWHERE, 0, *DIED))
         names = SCHEMA.names
         columns = {name: [one[k] for one in found] for k, name in enumerate(names)}
         write_table(self.folder.located(self.key), pa.table(columns, schema=SCHEMA))
@@ -74,12 +79,6 @@ class Chunk:
         """What was found."""
         rows = pq.read_table(self.folder.located(self.key)).to_pylist()
         return [Located(log, **row) for log, row in zip(self.logs, rows, strict=True)]
-
-
-DIED = (
-    "The process that worked on it died three times: the log needs more memory than a worker may take, or breaks a "
-    "reader. Split the recording, or give workers more memory."
-)
 
 
 def chunks(folder: BatchFolder, logs: Sequence[Log], columns: dict[str, str], version: str) -> list[Chunk]:
@@ -110,16 +109,16 @@ def groups(located: Sequence[Located]) -> list[list[Located]]:
     return runs
 
 
-def _looked_at(log: Log, columns: dict[str, str]) -> tuple[str, int, int, str]:
+def _looked_at(log: Log, columns: dict[str, str]) -> tuple[str, int, int, str, bool]:
     try:
         with opened(log) as path:
             sha256 = digest(path)
             try:
-                return sha256, *_middle(read_log(path, columns=columns)), ""
+                return sha256, *_middle(read_log(path, columns=columns)), "", False
             except Exception as error:
-                return sha256, NOWHERE, 0, sentence(error)
+                return sha256, NOWHERE, 0, *reason_of(error)
     except Exception as error:  # any storage fsspec knows, each with errors of its own
-        return "", NOWHERE, 0, sentence(error)
+        return "", NOWHERE, 0, *reason_of(error)
 
 
 def _middle(log: DriveLog) -> tuple[int, int]:

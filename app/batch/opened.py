@@ -9,10 +9,11 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from app.batch.listing import Log
 from app.core.filesystems import file_system, is_folder
-from fusion.errors import LogError
+from fusion.errors import FusionError, LogError
 from fusion.formats import MAX_BYTES
 
 _AT_ONCE = 1 << 20
@@ -46,10 +47,24 @@ def digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def sentence(error: Exception) -> str:
-    """Why a log is not used, for a person."""
-    if type(error).__module__.startswith("fusion."):
-        return " ".join(str(error).split())
+class Reason(NamedTuple):
+    """Why a log is not used, for a person; ``again``: it may be another time, as when storage did not answer."""
+
+    text: str
+    again: bool
+
+
+def reason_of(error: Exception) -> Reason:
+    """What an error says of a log."""
+    if isinstance(error, FusionError):
+        return Reason(" ".join(str(error).split()), False)
     if isinstance(error, OSError) and error.strerror:
-        return f"The log cannot be read: {error.strerror}."
-    return " ".join(f"The log cannot be used: {type(error).__name__}: {error}".split())
+        return Reason(f"The log cannot be read: {error.strerror}.", True)
+    return Reason(" ".join(f"The log cannot be used: {type(error).__name__}: {error}".split()), True)
+
+
+DIED = Reason(
+    "The process that worked on it died three times: the log needs more memory than a worker may take, or breaks a "
+    "reader. Split the recording, or give workers more memory.",
+    True,
+)

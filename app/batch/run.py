@@ -19,12 +19,14 @@ from app.batch.hands import Hands, Job
 from app.batch.listing import Log, list_logs
 from app.batch.locating import Located, chunks, groups
 from app.batch.opened import digest
-from app.batch.outputs import write_outputs
+from app.batch.outputs import remove_outputs, write_outputs
 from app.batch.reporting import Outcome, outcomes_of, write_report
 from app.batch.roads import PlacedRoads, key_of_roads
 from app.batch.solving import StoredDrive, StoredEvidence
+from app.batch.source import SolvedSource
 from app.batch.stored import alone_of, facts_of, read_drives
 from app.core.version import code_version
+from app.map.segment import attribution
 from fusion.methods.base import OF_TERRAIN
 from fusion.network.control import ControlPoint, read_control
 from fusion.results import Solution, solution_of
@@ -47,7 +49,7 @@ class Shown(Protocol):
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked for; ``method`` and ``options`` are checked, ``formats`` names of tables of segments."""
+    """What is asked for; ``method`` and ``options`` are checked, ``formats`` of ``outputs.formats_of_segments``."""
 
     logs: tuple[str, ...]
     roads: Path
@@ -61,11 +63,12 @@ class Request:
 
 @dataclass(frozen=True)
 class Done:
-    """What came of it; ``solution`` is None where no log can be used."""
+    """What came of it; ``solution`` is None where no log can be used. ``notes`` are on the files, for a person."""
 
     outcomes: Sequence[Outcome]
     solution: Solution | None
     files: list[Path]
+    notes: list[str]
 
 
 def run(request: Request, folder: BatchFolder, hands: Hands, shown: Shown) -> Done:
@@ -78,7 +81,9 @@ def run(request: Request, folder: BatchFolder, hands: Hands, shown: Shown) -> Do
     logs = list_logs(request.logs)
     listing(1)
     choices = _choices(request, folder, shown)
-    located = _located(request, folder, hands, logs, shown)
+    looks = chunks(folder, logs, request.options.get("columns", {}), code_version())
+    _do(looks, hands, shown.count("locating", len(logs)))
+    located = [log for one in looks for log in one.found()]
     used, repeated = _each_once(located)
     every = [Group.of(folder, [(one.log, one.sha256) for one in run], choices) for run in groups(used)]
     _do(every, hands, shown.count("fusing", sum(len(one.logs) for one in every)))
@@ -86,19 +91,20 @@ def run(request: Request, folder: BatchFolder, hands: Hands, shown: Shown) -> Do
     if not drives.rows:
         outcomes = outcomes_of(located, repeated, [], drives.failed, None)
         write_report(folder, outcomes)
-        return Done(outcomes, None, [])
+        remove_outputs(folder, set())
+        return Done(outcomes, None, [], [])
     solved = shown.work("solving")
     solved("one network", 0.0)
     control = read_control(request.control) if request.control else []
     solution = drives.solved(hands, folder, control, request.gaps)
     outcomes = outcomes_of(located, repeated, drives.rows, drives.failed, solution)
-    names = drives.rasters(solution)
-    files = write_outputs(folder, request.formats, solution, names, drives.newest())
+    source = SolvedSource(solution, drives.newest(), [request.roads], choices.terrain())
+    files = write_outputs(folder, request.formats, source, attribution(drives.rasters(solution)))
     write_report(folder, outcomes)
     _write_manifest(request, folder, choices, located, solution)
-    _tidy(folder, every, located, choices)
+    _tidy(folder, {*(one.key for one in looks), *(one.key for one in every)}, choices)
     solved("one network", 1.0)
-    return Done(outcomes, solution, files)
+    return Done(outcomes, solution, files, source.notes)
 
 
 def _choices(request: Request, folder: BatchFolder, shown: Shown) -> Choices:
@@ -111,16 +117,6 @@ def _choices(request: Request, folder: BatchFolder, shown: Shown) -> Choices:
     choices = Choices(code_version(), request.method, request.options, roads, rasters)
     choices.terrain()  # what is wrong with the rasters is said before any log is read
     return choices
-
-
-def _located(
-    request: Request, folder: BatchFolder, hands: Hands, logs: Sequence[Log], shown: Shown
-) -> list[Located]:
-    """Each log, in the order of names."""
-    every = chunks(folder, logs, request.options.get("columns", {}), code_version())
-    bar = shown.count("locating", len(logs))
-    _do(every, hands, bar)
-    return [log for one in every for log in one.found()]
 
 
 def _each_once(located: Sequence[Located]) -> tuple[list[Located], dict[Log, str]]:
@@ -229,10 +225,11 @@ def _write_manifest(
         partial.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
-def _tidy(folder: BatchFolder, every: Sequence[Group], located: Sequence[Located], choices: Choices) -> None:
-    """Remove what former inputs and options left."""
-    keys = {one.key for one in every}
+def _tidy(folder: BatchFolder, keys: set[str], choices: Choices) -> None:
+    """Remove what former logs and options left."""
     shutil.rmtree(folder.scratch, ignore_errors=True)
-    for name in ("drives", "passes"):
+    for name in ("located", "drives", "passes"):
         below = folder.path / name
         remove_but(below, {path for path in below.rglob("*.parquet") if path.stem in keys})
+    roads = choices.roads.folder
+    remove_but(roads.parent, {path for path in roads.iterdir() if not path.name.startswith(".")})

@@ -18,7 +18,7 @@ from app.batch.folder import BatchFolder
 from app.batch.fusing import Choices, Group, Late
 from app.batch.hands import DEAD, Hands
 from app.batch.listing import Log
-from app.batch.locating import DIED
+from app.batch.opened import DIED
 from app.batch.places import place_of_cell
 from app.batch.stored import cells_of, factors_of, passes_file, passes_in
 from fusion.network.adjust import adjust_from
@@ -150,7 +150,7 @@ class StoredEvidence:
         ]
         for one, made in self.hands.results(late, lambda one: (one.work,)):
             if made is DEAD:
-                raise BatchError(f"{one.log.name}: {DIED}")
+                raise BatchError(f"{one.log.name}: {DIED.text}")
             factors, row = made
             (self.folder.scratch / _late_file(one.drive)).write_bytes(pickle.dumps((factors, row)))
             self._late[one.drive], self._lag_s[one.drive] = row, one.lag_s

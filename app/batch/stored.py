@@ -32,7 +32,7 @@ _LISTS = {
 }  # fmt: skip
 DRIVES = pa.schema(
     {
-        "log": pa.string(), "reason": pa.string(), "report": pa.string(), "begin_s": pa.float64(),
+        "log": pa.string(), "reason": pa.string(), "again": pa.bool_(), "report": pa.string(), "begin_s": pa.float64(),
         "end_s": pa.float64(), "kind": pa.string(), "in_network": pa.bool_(), "measurements": pa.int64(),
         "lag_s": pa.float64(), "segments": pa.int64(), **{name: pa.list_(kind) for name, kind in _LISTS.items()},
     }
@@ -130,7 +130,7 @@ def write_drives(file: Path, rows: Iterable[dict[str, Any]]) -> None:
     columns: dict[str, list[Any]] = {name: [] for name in DRIVES.names}
     for row in rows:
         for name, values in columns.items():
-            values.append(row.get(name, False if name == "in_network" else None))
+            values.append(row.get(name, False if name in ("again", "in_network") else None))
     write_table(file, pa.table(columns, schema=DRIVES))
 
 
