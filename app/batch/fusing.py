@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from app.batch.folder import BatchFolder, is_settled, key_of
+from app.batch.folder import BatchFolder, is_settled, key_of, written
 from app.batch.listing import Log
 from app.batch.opened import DIED, Reason, opened, reason_of
 from app.batch.roads import PlacedRoads
@@ -118,12 +119,45 @@ class Late:
     drive: int
     lag_s: float
     choices: Choices
+    folder: BatchFolder
 
     def work(self) -> tuple[list[PassFactor], Ints]:
         """The passes anew, and the rows of roads that they count in."""
+        late_by, rows = self._kept()
+        factors = [] if late_by is None else list(late_by(self.lag_s))
+        return factors, rows[np.array([f.segment for f in factors], np.int64)]
+
+    def _kept(self) -> Any:
+        """How its factors are made anew: of the log, or as the round before left it."""
+        place = self.folder.scratch / f"kept-{self.drive}"
+        if place.is_file():
+            with place.open("rb") as file:
+                return _Kept(file, self.choices).load()
         one, _ = fused(self.log, self.choices)
-        factors = [] if one.result.late_by is None else list(one.result.late_by(self.lag_s))
-        return factors, one.rows[np.array([f.segment for f in factors], np.int64)]
+        found = one.result.late_by, one.rows
+        with written(place) as partial, partial.open("wb") as file:
+            _Keeping(file, pickle.HIGHEST_PROTOCOL).dump(found)
+        return found
+
+
+class _Keeping(pickle.Pickler):
+    """Leaves out rasters, which are open files."""
+
+    def persistent_id(self, obj: Any) -> str | None:
+        """See ``pickle``."""
+        return "rasters" if isinstance(obj, Dem) else None
+
+
+class _Kept(pickle.Unpickler):
+    """Puts them in again."""
+
+    def __init__(self, file: BinaryIO, choices: Choices) -> None:
+        super().__init__(file)
+        self._choices = choices
+
+    def persistent_load(self, pid: str) -> Dem | None:
+        """See ``pickle``."""
+        return self._choices.terrain()
 
 
 @lru_cache(1)

@@ -22,6 +22,7 @@ WAITING_PER_HAND, FEWEST_WAITING = 3, 8
 """Tasks that are handed out beyond those at work: none waits for the next, and the scheduler holds few."""
 STARTED_WITHIN_S = 60.0
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_RESERVES = ("target", "spill", "pause")
 _MISSING = (
     "versant batch needs Dask, which is not installed. Install Versant with its extra batch: pip install "
     "'versant[batch]'."
@@ -148,6 +149,8 @@ def hands(scheduler: str | None, processes: int | None, memory: str | None) -> I
                     **threads,
                     "distributed.scheduler.allowed-failures": DEATHS - 1,
                     "distributed.worker.multiprocessing-method": "forkserver",
+                    # Results are files: a worker has nothing to spill, and one that waits for room waits for ever.
+                    **dict.fromkeys([f"distributed.worker.memory.{name}" for name in _RESERVES], False),
                 }
             )
         )

@@ -144,7 +144,7 @@ class StoredEvidence:
     def made_anew(self, lag_s: Mapping[int, float]) -> bool:
         """See ``Evidence``: their logs are fused again."""
         late = [
-            Late(self._log(k), k, next_s, self.choices)
+            Late(self._log(k), k, next_s, self.choices, self.folder)
             for k, one in lag_s.items()
             if k in self._lag_s and (next_s := next_lag(self._lag_s[k], one)) is not None
         ]

@@ -27,7 +27,7 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +83,11 @@ class Archive:
         """Over all logs, into a folder of this name."""
         return ["batch", self.logs, "--roads", self.args.roads, *self.dem, "-o", self.folder / name, *more]
 
+    @cache  # noqa: B019 - there is one archive
+    def undisturbed(self) -> tuple[float, float]:
+        """Make ``several``, where nothing dies: seconds by the clock, and of processors."""
+        return timed(self.command("several", "--processes", str(self.args.processes)))
+
     def results(self, name: str) -> dict[str, str]:
         """Digests of what is there."""
         return bytes_of(self.folder / name)
@@ -92,7 +97,7 @@ def speed(archive: Archive) -> Figures:
     """One worker, and several."""
     count, processes = len(archive.made), archive.args.processes
     one_s, one_cpu_s = timed(archive.command("one", "--processes", "1"))
-    several_s, several_cpu_s = timed(archive.command("several", "--processes", str(processes)))
+    several_s, several_cpu_s = archive.undisturbed()
     rows = pq.read_table(archive.folder / "several" / "report.parquet").to_pylist()
     failed = {row["log"] for row in rows if row["status"] == "failed" and row["reason"]}
     return {
@@ -111,28 +116,28 @@ def speed(archive: Archive) -> Figures:
 
 def killed(archive: Archive) -> Figures:
     """Workers die."""
+    archive.undisturbed()
     two = ("--processes", str(archive.args.processes))
     count = with_kills(archive.command("killed", *two), archive.args.kill_every)
-    return {"killed": count, "killed_same_bytes": archive.results("killed") == _undisturbed(archive)}
+    return {"killed": count, "killed_same_bytes": archive.results("killed") == archive.results("several")}
 
 
 def cut(archive: Archive) -> Figures:
     """The command dies."""
-    seconds, _ = timed(archive.command("measured", "--processes", str(archive.args.processes)))
-    shutil.rmtree(archive.folder / "measured")
-    begun = cut_off(
-        archive.command("cut", "--processes", str(archive.args.processes)), [seconds * s for s in CUT_AFTER]
-    )
-    return {"cut_begun": begun, "cut_same_bytes": archive.results("cut") == _undisturbed(archive)}
+    seconds, _ = archive.undisturbed()
+    two = ("--processes", str(archive.args.processes))
+    begun = cut_off(archive.command("cut", *two), [seconds * share for share in CUT_AFTER])
+    return {"cut_begun": begun, "cut_same_bytes": archive.results("cut") == archive.results("several")}
 
 
 def scheduler(archive: Archive) -> Figures:
     """The scheduler dies."""
+    archive.undisturbed()
     first, second = without_scheduler(archive.command("scheduler"), PORT, archive.args.kill_every)
     return {
         "scheduler_first": first,
         "scheduler_second": second,
-        "scheduler_same_bytes": archive.results("scheduler") == _undisturbed(archive),
+        "scheduler_same_bytes": archive.results("scheduler") == archive.results("several"),
     }
 
 
@@ -172,13 +177,6 @@ def _beside(path: Path, folder: Path) -> Path:
     """A log in a folder of its own: a zip that is named would be an archive of logs."""
     folder.mkdir(exist_ok=True)
     return Path(shutil.copy(path, folder))
-
-
-def _undisturbed(archive: Archive) -> dict[str, str]:
-    """Digests of what comes out where nothing dies."""
-    if not (archive.folder / "several").is_dir():
-        timed(archive.command("several", "--processes", str(archive.args.processes)))
-    return archive.results("several")
 
 
 PARTS = {"speed": speed, "killed": killed, "cut": cut, "scheduler": scheduler, "equal": equal}

@@ -16,7 +16,7 @@ from pathlib import Path
 import psutil
 
 LOOK_S = 0.2
-GIVE_UP_S = 60.0
+GIVE_UP_S = 180.0
 
 
 def start(arguments: Sequence[str | Path]) -> subprocess.Popen[bytes]:

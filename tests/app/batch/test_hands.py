@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,6 +64,25 @@ def test_a_log_that_kills_is_left_out_and_the_others_are_not(two: Hands, tmp_pat
     assert set(two.done([deadly, harmless])) == {deadly, harmless}
     assert (tmp_path / "a" / "done").read_text() == "1"
     assert (tmp_path / "b" / "done").read_text() == ""
+
+
+@dataclass(frozen=True)
+class Greedy(Deadly):
+    """Work on logs that take so many MB."""
+
+    def alone(self, k: int) -> None:
+        held = bytearray(self.logs[k] << 20)
+        for at in range(0, len(held), 4096):
+            held[at] = 1
+        time.sleep(1.0 if self.logs[k] else 0.0)
+
+
+@pytest.mark.long("a worker is started seven times")
+def test_a_log_that_takes_more_memory_than_a_worker_may_is_left_out(tmp_path: Path) -> None:
+    with hands(None, 1, "700MB") as small:
+        job = Greedy(tmp_path, (0, 800, 100))
+        assert list(small.done([job])) == [job]
+    assert (tmp_path / "done").read_text() == "1"
 
 
 def test_an_error_of_a_task_is_raised(two: Hands) -> None:

@@ -7,6 +7,7 @@ import json
 import shutil
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,15 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     lines = town.drives[0].read_text().splitlines(keepends=True)
     (folder / "shorter.csv").write_text("".join(lines[:-5]))
     (folder / "broken.csv").write_text(BROKEN)
+    drive = town.simulated[1]
+    lon, lat = drive.lonlat()
+    late = np.interp(drive.elapsed_s - 4.0, drive.elapsed_s, drive.gnss.alt_msl_m)
+    points = "".join(
+        f'<trkpt lat="{y:.7f}" lon="{x:.7f}"><ele>{0.2 * round(h / 0.2):.1f}</ele>'
+        f"<time>{datetime.fromtimestamp(t + 86400, UTC).isoformat()}</time></trkpt>"
+        for x, y, h, t in zip(lon, lat, late, drive.time_s.round(2).tolist(), strict=True)
+    )
+    (folder / "altimeter.gpx").write_text(f'<gpx version="1.1"><trk><trkseg>{points}</trkseg></trk></gpx>')
     return town
 
 
@@ -92,6 +102,7 @@ def fused(town: Demonstration) -> Solution:
         for path in sorted((town.osm.parent / "logs").iterdir()):
             if path.name not in ("broken.csv", town.drives[0].name):
                 fusion.add(LogFiles((path,)))
+        assert any(one.result.late_by is not None for one in fusion.fused), "an altimeter, made anew"
         return fusion.solve(gaps=True).solution
 
 
@@ -129,7 +140,7 @@ def test_every_log_has_a_line_in_the_report(town: Demonstration, done: tuple[Don
     first, second, third = (path.name for path in town.drives[:3])
     assert {name: row["status"] for name, row in rows.items()} == {
         "again.csv": "done", first: "repeated", second: "done", third: "done", "bundle.zip": "done",
-        "shorter.csv": "done", "broken.csv": "failed",
+        "shorter.csv": "done", "broken.csv": "failed", "altimeter.gpx": "done",
     }  # fmt: skip
     assert "lacks required columns" in rows["broken.csv"]["reason"]
     assert rows[first]["reason"].endswith("again.csv")
@@ -201,7 +212,7 @@ def test_the_command_says_what_came_of_it(
     assert result.exit_code == 1, "one log failed"
     assert "broken.csv: This CSV lacks" in result.stderr
     figures = json.loads(report.read_text())
-    assert (figures["logs"], figures["done"], figures["repeated"], figures["failed"]) == (7, 5, 1, 1)
+    assert (figures["logs"], figures["done"], figures["repeated"], figures["failed"]) == (8, 6, 1, 1)
     assert figures["duplicates"] == 1
     assert (done[1] / "slopes.csv").read_text().count("\n") == figures["segments"] + 1
 
