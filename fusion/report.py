@@ -8,7 +8,7 @@ that are made here. What a report says of other drives changes as they come and 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -174,6 +174,13 @@ def advice_of(log: DriveLog, cues: Collection[str], dem: Dem | None, ground: Gro
     elsewhere = _of_terrain(log, dem, ground) if ground is not None and not ground.share else []
     zeros = [NO_HEIGHTS] if NO_HEIGHTS in log.warnings else []
     return " ".join([*zeros, *lacking, *elsewhere])
+
+
+def with_agreement(report: Mapping[str, Any], rejected: int, duplicate_of: str | None) -> list[str]:
+    """The warnings of a drive that was solved with others: rejected on so many of its segments, another log's duplicate
+    (None: of no other)."""
+    warnings = with_contradiction(report["warnings"], rejected, report["segments_in_network"])
+    return warnings if duplicate_of is None else with_duplicate(warnings, duplicate_of)
 
 
 def with_contradiction(warnings: Sequence[str], rejected: int, segments: int) -> list[str]:

@@ -19,7 +19,7 @@ from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
 from fusion.terrain.windows import dem_slopes
-from fusion.together import FusedDrive, network_datum, solve_network
+from fusion.together import FusedDrive, SolvedNetwork, network_datum, solve_network
 from fusion.types import Floats
 
 if TYPE_CHECKING:
@@ -79,15 +79,38 @@ def solve_fused(
     gaps: bool = False,
 ) -> Solution:
     """As ``solve``, for drives that know their rows of the road file and the times of their positions."""
-    solved = solve_network(roads, dem, drives, control)
+    slopes = [() if one.result.factors else alone(one) for one in drives]
+    datum = network_datum(dem, [one.result.report for one in drives if one.result.factors], control)
+    return solution_of(roads, dem, solve_network(roads, dem, drives, control), slopes, datum, gaps=gaps)
+
+
+def alone(one: FusedDrive) -> list[tuple[int, SlopePart]]:
+    """What a drive that gives no factors says of segments, by rows of the road file."""
+    of_terrain = one.result.report.get("method") in OF_TERRAIN
+    return [
+        (
+            int(one.rows[s.segment]),
+            SlopePart(s.slope_percent, s.slope_sigma_percent, 1, s.observations, of_terrain=of_terrain),
+        )
+        for s in one.result.slopes
+    ]
+
+
+def solution_of(
+    roads: RoadTable,
+    dem: Dem | None,
+    solved: SolvedNetwork,
+    slopes: Iterable[Iterable[tuple[int, SlopePart]]],
+    height_datum: str | None,
+    *,
+    gaps: bool = False,
+) -> Solution:
+    """The network's slopes and those of drives without factors as one; ``slopes``: of each drive, as ``alone`` has
+    them, nothing of a drive with factors."""
     parts = solved.parts
-    for k, one in enumerate(drives):
-        for slope in () if one.result.factors or k in solved.duplicates else one.result.slopes:
-            said = SlopePart(
-                slope.slope_percent, slope.slope_sigma_percent, 1, slope.observations,
-                of_terrain=one.result.report.get("method") in OF_TERRAIN,
-            )  # fmt: skip
-            parts.setdefault(int(one.rows[slope.segment]), []).append(said)
+    for k, of_drive in enumerate(slopes):
+        for row, said in () if k in solved.duplicates else of_drive:
+            parts.setdefault(row, []).append(said)
     shown = sorted(row for row, of_row in parts.items() if gaps or any(part.drives for part in of_row))
     table = roads.subset(np.array(shown, np.int64))
     return Solution(
@@ -97,7 +120,7 @@ def solve_fused(
         rejected=solved.rejected,
         duplicates=solved.duplicates,
         remarks=solved.remarks,
-        height_datum=network_datum(dem, drives, control),
+        height_datum=height_datum,
     )
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
+from fusion.arrays import ColumnTable
 from fusion.methods.base import DriveResult
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
@@ -22,6 +23,7 @@ from fusion.network.repeats import (
     device_class,
     learn_widenings,
 )
+from fusion.network.segment_slopes import Adjustment
 from fusion.network.subnetwork import gap_rows
 from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
@@ -48,6 +50,84 @@ class FusedDrive:
     epoch_s: Floats
 
 
+@dataclass(frozen=True, eq=False)
+class OnceDriven(ColumnTable):
+    """What a drive by itself says of m segments that it passed once; columns (m,). ``row`` is the road file's."""
+
+    row: Ints
+    slope_percent: Floats
+    sigma_percent: Floats
+    driven_m: Floats
+    speed_mps: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class DriveFacts:
+    """What is known of a drive beside what its passes say: little enough that those of all drives fit into memory.
+
+    ``kind`` is its device class. ``in_network``: it gives factors, whose rows ``trace`` has; others have no part in the
+    network. ``begin_s`` is when it began.
+    """
+
+    trace: DriveTrace
+    once: OnceDriven
+    kind: str
+    begin_s: float
+    in_network: bool
+
+    @classmethod
+    def of(cls, one: FusedDrive) -> Self:
+        """Of a drive in memory."""
+        result, said = one.result, one.result.factors or one.result.slopes
+        trace = DriveTrace(
+            one.rows[np.array([s.segment for s in said], np.int64)],
+            np.array([s.first_time_s for s in said], float),
+            one.epoch_s,
+            sum(f.rows for f in result.factors) or sum(s.observations for s in said),
+        )
+        passed = {f.segment: f for f in result.factors}
+        once = [s for s in result.slopes if s.passes == 1 and s.segment in passed]
+        alone = [passed[s.segment] for s in once]
+        driven_m = np.array([f.end_m - f.start_m for f in alone], float)
+        took_s = np.array([f.last_time_s - f.first_time_s for f in alone], float)
+        own = OnceDriven(
+            one.rows[np.array([s.segment for s in once], np.int64)],
+            np.array([s.slope_percent for s in once], float),
+            np.array([s.slope_sigma_percent for s in once], float),
+            driven_m,
+            driven_m / np.maximum(took_s, 0.1),
+        )
+        in_network = bool(result.factors)
+        kind = device_class(result.report) if in_network else ""
+        return cls(trace, own, kind, float(result.track.time_s[0]), in_network)
+
+
+class Evidence(Protocol):
+    """Who holds what the passes of drives say, in memory or in files, and solves a network from it."""
+
+    def adjusted(
+        self,
+        network: RoadTable,
+        rows: Ints,
+        widening: Mapping[int, float],
+        terrain: Terrain | None,
+        control: ControlHeights,
+    ) -> Adjustment:
+        """A solution from the drives that ``widening`` names, in its order, their sigmas so much wider.
+
+        A drive's number in the solution is its place in this order. ``rows`` of the road file are those of ``network``.
+        """
+        ...
+
+    def near(self, numbers: Sequence[int]) -> Ints:
+        """Rows of the road file around these drives, ascending."""
+        ...
+
+    def made_anew(self, lag_s: Mapping[int, float]) -> bool:
+        """Make the factors of drives anew for lags of their altimeters (``factors_for_lag``); whether any were."""
+        ...
+
+
 class SolvedNetwork(NamedTuple):
     """What drives with factors say together."""
 
@@ -65,52 +145,101 @@ class SolvedNetwork(NamedTuple):
 def solve_network(
     roads: RoadTable, dem: Dem | None, drives: Sequence[FusedDrive], control: Sequence[ControlPoint] = ()
 ) -> SolvedNetwork:
-    """Solve the drives that give factors together, as the service does; the others have no part in it.
+    """Solve the drives that give factors together, as the service does; the others have no part in it."""
+    facts = [DriveFacts.of(one) for one in drives]
+    return solve_evidence(roads, dem, facts, _InMemory(drives), control)
+
+
+def solve_evidence(
+    roads: RoadTable,
+    dem: Dem | None,
+    facts: Sequence[DriveFacts],
+    evidence: Evidence,
+    control: Sequence[ControlPoint] = (),
+) -> SolvedNetwork:
+    """As ``solve_network``, whoever holds what the drives say.
 
     Sigmas of drives whose class their own repeats contradict (``fusion.network.repeats``) count as much wider at once:
     what a service does where its operator asks for it.
     """
-    rejected = [0] * len(drives)
-    duplicates = find_duplicates({k: _trace(one) for k, one in enumerate(drives)})
+    rejected = [0] * len(facts)
+    duplicates = find_duplicates({k: one.trace for k, one in enumerate(facts)})
     # In the order of driving, so that the order in which logs are named changes no digit.
     numbers = sorted(
-        (k for k, one in enumerate(drives) if one.result.factors and k not in duplicates),
-        key=lambda k: float(drives[k].result.track.time_s[0]),
+        (k for k, one in enumerate(facts) if one.in_network and k not in duplicates),
+        key=lambda k: facts[k].begin_s,
     )
     if not numbers:
         return SolvedNetwork({}, rejected, duplicates, [])
-    widening, said = _widenings(roads, {k: drives[k] for k in numbers})
-    passes = {k: _in_file(drives[k], drives[k].result.factors, widening[k]) for k in numbers}
-    near = surroundings([drives[k] for k in numbers])
+    widening, said = _widenings(roads, {k: facts[k] for k in numbers})
+    near = evidence.near(numbers)
     surveyed, far = place(control, roads.subset(near))
     table = roads.subset(near)
-    driven = np.isin(near, [f.segment for factors in passes.values() for f in factors])
+    driven = np.isin(near, np.concatenate([facts[k].trace.segment for k in numbers]))
     solved = driven | gap_rows(table, driven)
     table, rows = table.subset(solved), near[solved]
     terrain = Terrain(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem else None
-    row_of = {int(row): k for k, row in enumerate(rows)}
     for _ in range(LAG_ROUNDS):
-        own = {k: [f.over(row_of[f.segment]) for f in factors] for k, factors in enumerate(passes.values())}
-        result = adjust(table, own, terrain, surveyed.among(solved))
-        anew = {
-            numbers[k]: factors
-            for k, lag_s in result.lag_s.items()
-            if (factors := factors_for_lag(drives[numbers[k]].result, passes[numbers[k]], lag_s))
-        }
-        passes |= {k: _in_file(drives[k], factors, widening[k]) for k, factors in anew.items()}
-        if not anew:
+        result = evidence.adjusted(table, rows, widening, terrain, surveyed.among(solved))
+        if not evidence.made_anew({numbers[k]: lag_s for k, lag_s in result.lag_s.items()}):
             break
-    accepted = Counter[tuple[int, int]]()
-    for (k, sequence), good in result.accepted.items():
-        accepted[numbers[k], next(f.segment for f in own[k] if f.sequence == sequence)] += good
-    for (number, _), count in accepted.items():
-        rejected[number] += count == 0
-    drives_on = Counter(row for (_, row), count in accepted.items() if count)
-    parts = result.parts([drives_on[row] for row in range(len(rows))])
+    drives_on, wrong = _accepted(result, len(rows))
+    for k, count in wrong.items():
+        rejected[numbers[k]] = count
+    parts = result.parts(drives_on)
     of_terrain = result.model.remarks(table) if result.model else ()
     remarks = [*said, *_unused(far, surveyed, solved), *result.remarks, *of_terrain]
     known = {row: [part] for row, part in zip(rows.tolist(), parts, strict=True) if part is not None}
     return SolvedNetwork(known, rejected, duplicates, remarks)
+
+
+class _InMemory:
+    """Drives whose factors are in memory, solved as one system."""
+
+    def __init__(self, drives: Sequence[FusedDrive]) -> None:
+        self._drives = drives
+        self._factors = {k: one.result.factors for k, one in enumerate(drives)}
+
+    def near(self, numbers: Sequence[int]) -> Ints:
+        """Rows around these drives."""
+        return surroundings([self._drives[k] for k in numbers])
+
+    def adjusted(
+        self,
+        network: RoadTable,
+        rows: Ints,
+        widening: Mapping[int, float],
+        terrain: Terrain | None,
+        control: ControlHeights,
+    ) -> Adjustment:
+        """See ``Evidence``."""
+        row_of = {int(row): k for k, row in enumerate(rows)}
+        own = {
+            place: [
+                f.over(row_of[int(self._drives[k].rows[f.segment])]).widened(wider) for f in self._factors[k]
+            ]
+            for place, (k, wider) in enumerate(widening.items())
+        }
+        return adjust(network, own, terrain, control)
+
+    def made_anew(self, lag_s: Mapping[int, float]) -> bool:
+        """See ``Evidence``."""
+        anew = {
+            k: factors
+            for k, one in lag_s.items()
+            if (factors := factors_for_lag(self._drives[k].result, self._factors[k], one))
+        }
+        self._factors |= anew
+        return bool(anew)
+
+
+def _accepted(result: Adjustment, segments: int) -> tuple[list[int], dict[int, int]]:
+    """By how many drives each segment has an accepted pass; and by drive, on how many segments it has none."""
+    passes = result.judged.passes
+    pairs, which = np.unique(passes.drive * segments + passes.segment, return_inverse=True)
+    good = np.bincount(which, result.judged.accepted, len(pairs)) > 0
+    drive, row = np.divmod(pairs, segments)
+    return np.bincount(row[good], minlength=segments).tolist(), dict(Counter(drive[~good].tolist()))
 
 
 def _unused(far: Sequence[ControlPoint], surveyed: ControlHeights, solved: Bools) -> list[str]:
@@ -128,14 +257,14 @@ def _unused(far: Sequence[ControlPoint], surveyed: ControlHeights, solved: Bools
 
 
 def network_datum(
-    dem: Dem | None, drives: Sequence[FusedDrive], control: Sequence[ControlPoint] = ()
+    dem: Dem | None, reports: Sequence[Mapping[str, Any]], control: Sequence[ControlPoint] = ()
 ) -> str | None:
-    """What the heights of ``solve_network`` refer to, in words; None where it gives none."""
-    with_heights = [one.result.report for one in drives if one.result.factors]
-    if not with_heights:
+    """What the heights of ``solve_network`` refer to, in words, by the reports of the drives with factors; None without
+    any."""
+    if not reports:
         return None
-    logs = [report["height_datum"] for report in with_heights]
-    known = dem is not None and any(report["dem_share"] for report in with_heights)
+    logs = [report["height_datum"] for report in reports]
+    known = dem is not None and any(report["dem_share"] for report in reports)
     return datum_of_network(logs, dem.datum if dem and known else None, bool(control))
 
 
@@ -144,59 +273,36 @@ def surroundings(drives: Sequence[FusedDrive]) -> Ints:
     return np.unique(np.concatenate([one.rows for one in drives]))
 
 
-def _trace(one: FusedDrive) -> DriveTrace:
-    said = one.result.factors or one.result.slopes
-    return DriveTrace(
-        one.rows[np.array([s.segment for s in said], np.int64)],
-        np.array([s.first_time_s for s in said], float),
-        one.epoch_s,
-        sum(f.rows for f in one.result.factors) or sum(s.observations for s in said),
-    )
-
-
-def _in_file(one: FusedDrive, factors: Sequence[PassFactor], widening: float) -> list[PassFactor]:
-    """Factors of a log over the rows of the road file, so much wider."""
-    return [f.over(int(one.rows[f.segment])).widened(widening) for f in factors]
-
-
-def _widenings(roads: RoadTable, drives: Mapping[int, FusedDrive]) -> tuple[dict[int, float], list[str]]:
+def _widenings(roads: RoadTable, drives: Mapping[int, DriveFacts]) -> tuple[dict[int, float], list[str]]:
     """By how much the drives' sigmas are to be widened, as they contradict one another, and what to say of it."""
     learned = learn_widenings(_repeats(roads, drives)) if len(drives) >= FEWEST_DRIVES else []
     applied = {one.name: one for one in learned if one.applied != 1.0}
-    if not applied:
-        return dict.fromkeys(drives, 1.0), []
-    kind = {k: device_class(one.result.report) for k, one in drives.items()}
-    return {k: applied[kind[k]].applied if kind[k] in applied else 1.0 for k in drives}, [
+    return {k: applied[one.kind].applied if one.kind in applied else 1.0 for k, one in drives.items()}, [
         f"{one.drives} logs of one class ({one.name}) are farther apart than they state: their sigmas count "
         f"{one.applied:.2f} times."
         for one in applied.values()
     ]
 
 
-def _repeats(roads: RoadTable, drives: Mapping[int, FusedDrive]) -> RepeatPairs:
+def _repeats(roads: RoadTable, drives: Mapping[int, DriveFacts]) -> RepeatPairs:
     """Slopes of the drives by themselves, in the order of driving, against those of drives before them."""
-    found = []
-    for k, one in drives.items():
-        passed = {f.segment: f for f in one.result.factors}
-        once = [said for said in one.result.slopes if said.passes == 1 and said.segment in passed]
-        name = device_class(one.result.report) if once else ""
-        found += [(int(one.rows[said.segment]), k, name, said, passed[said.segment]) for said in once]
-    found.sort(key=lambda own: own[0])
-    names = sorted({name for _, _, name, _, _ in found})
-    segment = np.array([row for row, *_ in found], np.int64)
-    driven_m = np.array([f.end_m - f.start_m for *_, f in found])
-    unknown = np.zeros(len(found), np.int64)
+    own = OnceDriven.empty().joined(*(one.once for one in drives.values()))
+    counts = [len(one.once) for one in drives.values()]
+    names = sorted({one.kind for one in drives.values() if len(one.once)})
+    number = [names.index(one.kind) if len(one.once) else 0 for one in drives.values()]
+    order = np.argsort(own.row, kind="stable")
+    own, unknown = own.take(order), np.zeros(len(own), np.int64)
     return RepeatPairs.of_neighbours(
         OwnSlopes(
             names=tuple(names),
-            segment=segment,
-            drive=np.array([k for _, k, *_ in found], np.int64),
-            kind=np.array([names.index(name) for _, _, name, _, _ in found], np.int64),
-            slope_percent=np.array([said.slope_percent for *_, said, _ in found]),
-            sigma_percent=np.array([said.slope_sigma_percent for *_, said, _ in found]),
-            length_m=roads.length_m[segment],
-            driven_m=driven_m,
-            speed_mps=driven_m / np.maximum([f.last_time_s - f.first_time_s for *_, f in found], 0.1),
+            segment=own.row,
+            drive=np.repeat(np.array([*drives], np.int64), counts)[order],
+            kind=np.repeat(np.array(number, np.int64), counts)[order],
+            slope_percent=own.slope_percent,
+            sigma_percent=own.sigma_percent,
+            length_m=roads.length_m[own.row],
+            driven_m=own.driven_m,
+            speed_mps=own.speed_mps,
             way=unknown,
             season=unknown - 1,
         )
@@ -213,6 +319,11 @@ def factors_for_lag(
     """
     if result.late_by is None or lag_s is None:
         return None
-    before_s = factors[0].lag_s
+    next_s = next_lag(factors[0].lag_s, lag_s)
+    return None if next_s is None else result.late_by(next_s)
+
+
+def next_lag(before_s: float, lag_s: float) -> float | None:
+    """The lag to try after ``before_s``, seconds, where a solution finds ``lag_s``; None where it is settled."""
     step_s = float(np.clip(LAG_GAIN * (lag_s - before_s), -LAG_STEP_S, LAG_STEP_S))
-    return None if abs(step_s) < LAG_SETTLED_S else result.late_by(before_s + step_s)
+    return None if abs(step_s) < LAG_SETTLED_S else before_s + step_s

@@ -88,6 +88,7 @@ SERVICE = {
     },
     "web": {"core", "map"},
     "changes": {"core", "jobs", "network"},
+    "batch": {"cli", "core", "exports", "map"},
     "cli": {
         "access",
         "core",

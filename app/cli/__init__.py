@@ -87,6 +87,10 @@ COMMANDS = {
         "app.cli.fuse",
         "Fuse logs with roads and terrain into segment slopes, without a server or a database.",
     ),
+    "batch": Command(
+        "app.batch.command",
+        "Fuse archives of logs into segment slopes, without a server or a database.",
+    ),
     "track": Command(
         "app.cli.track", "Write the positions of logs, with their heights and stated accuracies."
     ),

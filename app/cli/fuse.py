@@ -20,7 +20,6 @@ from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 if TYPE_CHECKING:
     from app.cli.fuse_files import FusedLog, Fusion
     from app.map.segment import Segment
-    from fusion.methods.base import Options
     from fusion.results import Solution
 
 app = typer.Typer(add_completion=False)
@@ -34,7 +33,7 @@ RASTER_SUFFIXES = (".hgt", ".tif", ".tiff", ".vrt")
 def fuse(
     ctx: typer.Context,
     logs: list[Path] = cli.LOG_NAMES,
-    roads: Path = cli.opt("OpenStreetMap roads: .osm, .osm.gz, .osm.pbf.", default=..., metavar="FILE"),
+    roads: Path = cli.ROADS,
     dem: list[Path] | None = cli.opt(
         "Elevation rasters (GeoTIFF, HGT ...); may be given several times. The quality layer of X_dem.tif, "
         "X_num.tif, is found beside it.",
@@ -46,10 +45,7 @@ def fuse(
     gnss_option: list[str] | None = cli.GNSS_OPTION,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     together: bool = cli.TOGETHER,
-    control: Path | None = cli.opt(
-        "Surveyed heights: lat_deg, lon_deg, height_m, sigma_m (0.1 where not stated), above the logs' datum.",
-        metavar="FILE.csv",
-    ),
+    control: Path | None = cli.CONTROL,
     gaps: bool = cli.GAPS,
     out: Path | None = cli.written_file(
         "-o", "--out", help="Segments: .geojson, .parquet, .gpkg or .csv; without it GeoJSON on stdout."
@@ -75,15 +71,18 @@ def fuse(
     from app.cli.fuse_files import Fusion
     from app.core.text import collection_chunks
     from app.exports.format import statements
-    from app.exports.formats import write_segments
+    from app.exports.formats import segment_format_for, write_segments
     from app.map.segment import attribution
     from fusion.network.control import read_control
     from fusion.roads.osm import read_roads
     from fusion.terrain.dem import Dem
 
     console: Console = ctx.obj
-    named = {"columns": cli.parse_columns(columns)} if columns else {}
-    chosen = _usable(method, named, option or [], gnss, gnss_option or [], out)
+    named = cli.parse_columns(columns) if columns else {}
+    if out is not None:
+        with cli.naming("--out"):
+            segment_format_for(out)
+    chosen = cli.usable_options(method, named, option, gnss, gnss_option)
     cli.usable_map(map_file, scale)
     cli.usable_picture(profile, "--profile")
     logs, dem = _apart(logs, dem or [])
@@ -125,25 +124,6 @@ def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
     if not rest:
         raise typer.BadParameter("no log is named, only elevation rasters.", param_hint="LOG...")
     return rest, dem + more
-
-
-def _usable(
-    method: str, named: dict[str, Any], option: list[str], gnss: str, gnss_option: list[str], out: Path | None
-) -> Options:
-    """Check what can be checked before the work starts; a wrong name is wrong usage."""
-    from app.exports.formats import segment_format_for
-    from fusion.catalogue import METHODS
-    from fusion.pipeline import parse_options
-
-    options = named | cli.parse_assignments(option, "--option")
-    of_positioning = cli.positioning_options(gnss, gnss_option)
-    if out is not None:
-        with cli.naming("--out"):
-            segment_format_for(out)
-    with cli.naming("--method"):
-        METHODS[method]
-    with cli.naming("--option"):
-        return parse_options(method, {"gnss": gnss, "gnss_options": of_positioning, **options})
 
 
 def _one(fusion: Fusion, source: cli.LogFiles, console: Console, bars: Bars) -> dict[str, Any]:

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from app.cli.console import part_of
 from app.cli.options import LogFiles
+from app.exports.writing.solved import segments_of
 from app.map.segment import Segment
 from fusion.methods.base import Options
-from fusion.network.combine import NETWORK_ONLY
 from fusion.network.control import ControlPoint
 from fusion.network.unknowns import knot_positions
 from fusion.pipeline import positions_of, run_drive
-from fusion.report import with_contradiction, with_duplicate
+from fusion.report import with_agreement
 from fusion.results import Solution, solve_fused
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, rows_of
@@ -30,9 +28,6 @@ from fusion.types import Progress, no_progress
 
 PARTS = {"reading": (0.0, 0.15), "positioning": (0.15, 0.4), "estimating": (0.4, 1.0)}
 """The parts of the work on one log, and the shares of the whole at which they begin and end."""
-OF_ROADS = ("osm_way_id", "from_node", "to_node", "length_m", "highway", "name", "oneway", "bridge", "tunnel")
-OF_SLOPES = ("slope_percent", "slope_sigma_percent", "drives", "observations", *NETWORK_ONLY)
-"""What a segment has of the roads, and of what was measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +95,7 @@ class Fusion:
         """The ``features``, and how the logs agree."""
         solved = solve_fused(self.fused, self.roads, self.dem, control=self.control, gaps=gaps)
         now = now or datetime.now(UTC)
-        features = list(_features(solved, now))
+        features = list(segments_of(solved, now))
         rasters = self.dem.sources_at(*knot_positions(solved.roads)) if self.dem else ()
         return Combined(solved, features, rasters)
 
@@ -112,24 +107,6 @@ class Fusion:
 def _digest(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _features(solved: Solution, now: datetime) -> Iterator[Segment]:
-    table = solved.roads
-    roads = zip(*(getattr(table, name).tolist() for name in OF_ROADS), strict=True)
-    ends = np.column_stack([table.lon0_deg, table.lat0_deg, table.lon1_deg, table.lat1_deg]).tolist()
-    of_dem = solved.dem_slope_percent.tolist()
-    for road, (lon0, lat0, lon1, lat1), total, dem_slope_percent in zip(
-        roads, ends, solved.slopes, of_dem, strict=True
-    ):
-        yield Segment(
-            id=None,
-            **dict(zip(OF_ROADS, road, strict=True)),
-            **{name: getattr(total, name) for name in OF_SLOPES},
-            dem_slope_percent=dem_slope_percent,
-            updated_at=now,
-            coordinates=((lon0, lat0), (lon1, lat1)),
-        )
 
 
 def outcome_of(fused: FusedLog) -> dict[str, Any]:
@@ -148,8 +125,6 @@ def agreement(solution: Solution, outcomes: Sequence[dict[str, Any]]) -> None:
     """Add to the outcomes of the logs that were fused how each agrees with the others."""
     for k, (outcome, rejected) in enumerate(zip(outcomes, solution.rejected, strict=True)):
         report, duplicate = outcome["report"], solution.duplicates.get(k)
-        warnings = with_contradiction(report["warnings"], rejected, report["segments_in_network"])
-        if duplicate is not None:
-            warnings = with_duplicate(warnings, outcomes[duplicate]["file"])
-        report["warnings"] = warnings
+        name = None if duplicate is None else outcomes[duplicate]["file"]
+        report["warnings"] = with_agreement(report, rejected, name)
         report["rejected_segments"] = outcome["rejected_segments"] = rejected

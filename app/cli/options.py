@@ -17,6 +17,7 @@ from fusion.registry import check_columns
 
 if TYPE_CHECKING:
     from app.core.db import Bounds
+    from fusion.methods.base import Options
     from fusion.types import DriveLog, Progress
 
 
@@ -70,6 +71,12 @@ MAP_SCALE = opt(
     max=100,
 )
 GAPS = flag("Give undriven segments between driven ones a slope as well.", "--gaps")
+ROADS = opt("OpenStreetMap roads: .osm, .osm.gz, .osm.pbf.", "--roads", default=..., metavar="FILE")
+CONTROL = opt(
+    "Surveyed heights: lat_deg, lon_deg, height_m, sigma_m (0.1 where not stated), above the logs' datum.",
+    "--control",
+    metavar="FILE.csv",
+)
 METHOD_OPTION = opt("Option of the method; may be given several times.", "--option", metavar="NAME=VALUE")
 LOG_NAMES = arg(
     "Drive logs, gzipped or not; a folder or a zip is one drive of the files in it.", metavar="LOG..."
@@ -195,6 +202,25 @@ def positioning_options(gnss: str, texts: Sequence[str] | None) -> dict[str, Any
     with naming("--gnss-option"):
         options_of(positioning, options)
     return options
+
+
+def usable_options(
+    method: str,
+    columns: Mapping[str, str],
+    texts: Sequence[str] | None,
+    gnss: str,
+    gnss_texts: Sequence[str] | None,
+) -> Options:
+    """The options of a method, checked before the work starts; a wrong name is wrong usage."""
+    from fusion.catalogue import METHODS
+    from fusion.pipeline import parse_options
+
+    options = ({"columns": columns} if columns else {}) | parse_assignments(texts, "--option")
+    of_positioning = positioning_options(gnss, gnss_texts)
+    with naming("--method"):
+        METHODS[method]
+    with naming("--option"):
+        return parse_options(method, {"gnss": gnss, "gnss_options": of_positioning, **options})
 
 
 def usable_map(path: Path | None, scale: float | None) -> None:

@@ -48,15 +48,42 @@ def find_duplicates(traces: Mapping[int, DriveTrace]) -> dict[int, int]:
     The order and the names of the drives have no part in it, unless two are alike to the last digit.
     """
     best_first = sorted(traces, key=lambda k: _rank(traces[k]))
-    originals: list[int] = []
+    place = {k: at for at, k in enumerate(best_first)}
+    together = _met_somewhere({place[k]: one for k, one in traces.items()})
     duplicates: dict[int, int] = {}
-    for k in best_first:
-        original = next((other for other in originals if is_duplicate(traces[k], traces[other])), None)
-        if original is None:
-            originals.append(k)
-        else:
+    for at, k in enumerate(best_first):
+        better = (best_first[other] for other in together.get(at, ()))
+        original = next(
+            (o for o in better if o not in duplicates and is_duplicate(traces[k], traces[o])), None
+        )
+        if original is not None:
             duplicates[k] = original
     return duplicates
+
+
+def _met_somewhere(traces: Mapping[int, DriveTrace]) -> dict[int, list[int]]:
+    """For each drive those of smaller numbers, ascending, that entered some segment at about its time: no others can
+    be the same drive."""
+    drive = np.repeat(np.array([*traces], np.int64), [len(one.segment) for one in traces.values()])
+    segment = np.concatenate([np.empty(0, np.int64), *(one.segment for one in traces.values())])
+    enter_s = np.concatenate([np.empty(0), *(one.enter_s for one in traces.values())])
+    order = np.lexsort((enter_s, segment))
+    drive, segment, enter_s = drive[order], segment[order], enter_s[order]
+    found = [np.empty((0, 2), np.int64)]
+    first, apart = np.arange(len(order)), 0
+    # Neighbours in the order of entering first, then those one farther, as long as any is near.
+    while len(first):
+        apart += 1
+        first = first[first < len(order) - apart]
+        second = first + apart
+        near = (segment[first] == segment[second]) & (enter_s[second] - enter_s[first] < LONGEST_ENTRY_S)
+        first, second = first[near], second[near]
+        pairs = np.sort(np.column_stack([drive[first], drive[second]]), axis=1)
+        found.append(np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0))
+    together: dict[int, list[int]] = {}
+    for smaller, larger in np.unique(np.concatenate(found), axis=0).tolist():
+        together.setdefault(larger, []).append(smaller)
+    return together
 
 
 def _rank(one: DriveTrace) -> tuple[float, ...]:

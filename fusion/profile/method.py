@@ -28,7 +28,7 @@ from fusion.profile.report import build_track, drawn_measurements, drive_report
 from fusion.profile.traversals import Altimeter, SmoothedDrive
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import CUES, DriveLog, Floats, Ints, Progress, SegmentSlope
+from fusion.types import CUES, DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
@@ -79,6 +79,23 @@ class _PreparedDrive:
         return cls(right, path, inertia)
 
 
+@dataclass(frozen=True, eq=False)
+class _LateBy:
+    """``DriveResult.late_by``: no closure, so that it can be kept in a file."""
+
+    raw: _PreparedDrive
+    fix: GnssFix
+    dem: Dem | None
+    options: ProfileOptions
+    sensor: int
+    usual: UsualDrift | None
+
+    def __call__(self, lag_s: float) -> tuple[PassFactor, ...]:
+        then = Altimeter(self.sensor, lag_s)
+        measured = _measure(self.raw, self.dem, self.options, then)
+        return tuple(pass_factors(_smooth(self.raw, measured, then, self.usual), self.fix))
+
+
 class ProfileMethod:
     """The default estimator behind the ``Method`` protocol."""
 
@@ -119,11 +136,8 @@ class ProfileMethod:
         report = drive_report(log, drive, factors, raw.inertia)
         drawn = drawn_measurements(drive)
 
-        def late_by(lag_s: float) -> tuple[PassFactor, ...]:
-            then = Altimeter(late.sensor, lag_s)
-            return tuple(pass_factors(_smooth(raw, _measure(raw, dem, options, then), then, usual), log.fix))
-
-        return DriveResult(track, slopes, report, factors, drawn, late_by if late.sensor >= 0 else None)
+        late_by = _LateBy(raw, log.fix, dem, options, late.sensor, usual) if late.sensor >= 0 else None
+        return DriveResult(track, slopes, report, factors, drawn, late_by)
 
 
 def _learned(

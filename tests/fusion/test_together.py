@@ -27,7 +27,8 @@ def log_of(table: RoadTable, begin_s: float, said: Mapping[int, Sequence[float]]
             steady(table, row, slope, 0.003, sequence=len(passes) + k) for k, slope in enumerate(slopes)
         ]
     track = SimpleNamespace(time_s=np.array([begin_s]))
-    result = SimpleNamespace(factors=tuple(passes), slopes=(), track=track, late_by=None)
+    report = {"format": "csv"}
+    result = SimpleNamespace(factors=tuple(passes), slopes=(), track=track, report=report, late_by=None)
     return SimpleNamespace(rows=np.arange(len(table)), result=result, epoch_s=track.time_s)
 
 
@@ -135,6 +136,7 @@ def replace_factors(logs: Sequence[Any], times: float) -> list[Any]:
                 factors=tuple(f.widened(times) for f in log.result.factors),
                 slopes=(),
                 track=log.result.track,
+                report=log.result.report,
                 late_by=None,
             ),
         )

@@ -97,7 +97,7 @@ def decoded(feature: bytes, keys: list[str], values: list[Any]) -> dict[str, Any
             path.append((x, y))
             at += 2
     properties = {keys[k]: values[v] for k, v in zip(tags[::2], tags[1::2], strict=True)}
-    return {"id": found[1], "properties": properties, "path": path}
+    return {"id": found.get(1), "properties": properties, "path": path}
 
 
 def features(tile: bytes) -> dict[int, str]:

@@ -6,6 +6,7 @@ import pickle
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
+from uuid import uuid4
 
 Key = tuple[str, int]
 """What it is, and of which node."""
@@ -44,9 +45,11 @@ class FolderStore:
     folder: Path
 
     def put(self, key: Key, value: Any) -> None:
-        """Write a value."""
-        with self._file(key).open("wb") as file:
+        """Write a value. Never is half of one read: hands that were taken for dead may write a second one at once."""
+        place, partial = self._file(key), self.folder / f".{uuid4().hex}"
+        with partial.open("wb") as file:
             pickle.dump(value, file, pickle.HIGHEST_PROTOCOL)
+        partial.replace(place)
 
     def get(self, key: Key) -> Any:
         """Read the value of a key."""

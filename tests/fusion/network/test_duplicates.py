@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -104,3 +106,11 @@ def test_the_order_of_logs_has_no_part_in_it(order: list[int]) -> None:
     logs = [drive(measurements=100 * k, begin_s=T0_S + 900 * (k % 3)) for k in range(6)]
     found = find_duplicates({place: logs[k] for place, k in enumerate(order)})
     assert {order[a]: order[b] for a, b in found.items()} == {0: 3, 1: 4, 2: 5}
+
+
+def test_a_thousand_drives_are_compared_in_seconds() -> None:
+    """Only those that entered a segment at about one time: all with all would be half a million comparisons."""
+    drives = {k: drive(begin_s=T0_S + 60.0 * k, seed=k + 1) for k in range(1000)}
+    started = time.process_time()
+    assert find_duplicates(drives | {1000: drives[500], 1001: drive(begin_s=T0_S - 1e6)}) == {1000: 500}
+    assert time.process_time() - started < 5.0

@@ -1,0 +1,140 @@
+"""``versant batch``: archives of logs in bulk, by many processes."""
+# ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+import app.cli.options as cli
+from app.cli.console import Console, write_json
+from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
+
+if TYPE_CHECKING:
+    from app.batch.run import Done
+
+app = typer.Typer(add_completion=False)
+
+MOST_NAMED = 20
+"""Failed logs that are named on the screen; the report names all."""
+
+
+@app.command("batch")
+def batch(
+    ctx: typer.Context,
+    logs: list[str] = cli.arg(
+        "Logs: folders with all that is in them, zips of logs, files, addresses such as s3://bucket/logs. A zip in a "
+        "folder or a zip is one drive of the files in it.",
+        metavar="LOGS...",
+    ),
+    roads: Path = cli.ROADS,
+    dem: list[Path] | None = cli.opt(
+        "Elevation rasters, as of `versant fuse`; give the option once for each.", metavar="FILE"
+    ),
+    method: str = cli.opt("Estimator; `versant methods` lists them.", default=DEFAULT_METHOD),
+    option: list[str] | None = cli.METHOD_OPTION,
+    gnss: str = cli.gnss_name(DEFAULT_POSITIONING),
+    gnss_option: list[str] | None = cli.GNSS_OPTION,
+    columns: list[str] | None = cli.COLUMNS_OPTION,
+    control: Path | None = cli.CONTROL,
+    gaps: bool = cli.GAPS,
+    formats: str = cli.opt(
+        "Files of slopes, by names of formats, with commas between.",
+        default="geoparquet,pmtiles",
+        metavar="NAMES",
+    ),
+    out: Path = cli.opt(
+        "Folder of all results, also of those in between: the same command goes on where it was cut off.",
+        "-o",
+        "--out",
+        default=...,
+        metavar="FOLDER",
+        file_okay=False,
+    ),
+    scheduler: str | None = cli.opt(
+        "Dask's scheduler, whose workers reach FOLDER, logs and rasters by the same paths. Default: workers of this "
+        "machine.",
+        metavar="tcp://HOST:PORT",
+    ),
+    processes: int | None = cli.opt("Workers of this machine. Default: its cores.", min=1),
+    memory: str | None = cli.opt(
+        "What each of them may take, such as 4GB. Default: equal parts of the machine's.", metavar="SIZE"
+    ),
+    json_file: Path | None = cli.JSON_FILE,
+) -> None:
+    """Fuse archives of logs into segment slopes, without a server or a database.
+
+    Gives the numbers of `versant fuse` for any number of logs. A log that fails is reported, and the others go on.
+    """
+    from app.batch.folder import BatchFolder
+    from app.batch.hands import hands
+    from app.batch.run import Request, run
+
+    console: Console = ctx.obj
+    options = cli.usable_options(
+        method, cli.parse_columns(columns) if columns else {}, option, gnss, gnss_option
+    )
+    request = Request(
+        logs=tuple(logs),
+        roads=roads,
+        rasters=tuple(dem or ()),
+        method=method,
+        options=options.model_dump(mode="json"),
+        control=control,
+        gaps=gaps,
+        formats=_formats(formats),
+    )
+    if scheduler is not None and (processes or memory):
+        raise typer.BadParameter("workers of a named scheduler are its own.", param_hint="--scheduler")
+    folder = BatchFolder(out.absolute())
+    with (
+        folder.held(),
+        hands(scheduler, processes, memory) as workers,
+        console.progress() as bars,
+    ):
+        done = run(request, folder, workers, bars)
+    counted = _tell(done, console, folder.report)
+    write_json(json_file, counted)
+    if counted["failed"]:
+        raise typer.Exit(1)
+
+
+def _formats(names: str) -> tuple[str, ...]:
+    from app.batch.outputs import formats_of_segments
+
+    wanted = tuple(dict.fromkeys(name.strip() for name in names.split(",")))
+    known = formats_of_segments()
+    for name in wanted:
+        if name not in known:
+            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}.", param_hint="--formats")
+    return wanted
+
+
+def _tell(done: Done, console: Console, report: Path) -> dict[str, Any]:
+    """Say what came of it; the figures."""
+    failed = [one for one in done.outcomes if one.status == "failed"]
+    for one in failed[:MOST_NAMED]:
+        console.complain(f"{one.log}: {one.reason}")
+    if len(failed) > MOST_NAMED:
+        console.complain(f"{len(failed) - MOST_NAMED:,} more logs failed; {report} names all.")
+    solution = done.solution
+    segments, remarks = (0, []) if solution is None else (len(solution), solution.remarks)
+    console.warn("", remarks)
+    for note in done.notes:
+        console.note(note)
+    count = Counter(one.status for one in done.outcomes)
+    for path in done.files:
+        console.note(f"{path}: {segments:,} segments from {count['done']:,} of {len(done.outcomes):,} logs.")
+    return {
+        "logs": len(done.outcomes),
+        **{status: count[status] for status in ("done", "repeated", "failed")},
+        "duplicates": sum(one.duplicate_of is not None for one in done.outcomes),
+        "segments": segments,
+        "height_datum": None if solution is None else solution.height_datum,
+        "remarks": remarks,
+        "files": [str(path) for path in done.files],
+        "report": str(report),
+    }

@@ -1,0 +1,101 @@
+"""Which logs there are: in folders, in zips, behind addresses of object storage.
+
+A folder is walked through, a zip that is named is opened as one; each file in them is a log, a zip among them an upload
+bundle: the files of one drive. The order is that of names, whatever order storage lists them in.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import PurePosixPath
+from typing import Any, NamedTuple
+
+from app.batch.errors import BatchError
+from app.core.filesystems import file_system, is_folder
+
+_ADDED = frozenset({"Thumbs.db", "desktop.ini"})
+"""What systems put beside files."""
+_STAMPS = ("ETag", "etag", "md5Hash", "sha256", "version_id", "mtime", "LastModified", "last_modified")
+"""What storage says of a file's contents, the surest first."""
+
+
+class Log(NamedTuple):
+    """One log: where it is, how large, and what changes when its bytes do (``stamp``).
+
+    ``member``: its name in a zip, empty where the file is the log.
+    """
+
+    address: str
+    member: str
+    size: int
+    stamp: str
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return f"{self.address}!{self.member}" if self.member else self.address
+
+    @property
+    def file_name(self) -> str:
+        """Without folders."""
+        return PurePosixPath(self.member or self.address).name
+
+
+def list_logs(named: Sequence[str], progress: Callable[[int], None] = lambda more: None) -> list[Log]:
+    """Every log under these names, by name, each once. ``progress`` takes how many more were found.
+
+    Raises ``BatchError`` for a name under which there is no log, ``OSError`` and what drivers of storage raise.
+    """
+    found: dict[tuple[str, str], Log] = {}
+    for name in named:
+        none = True
+        for log in _under(name):
+            found[log.address, log.member], none = log, False
+            progress(1)
+        if none:
+            raise BatchError(f"There is no log under {name}. Name a file, a folder, a zip or an address.")
+    return [found[key] for key in sorted(found)]
+
+
+def _under(name: str) -> Iterator[Log]:
+    fs, root = file_system(name)
+    prefix = name.rstrip("/")
+    if fs.isfile(root):
+        info = fs.info(root)
+        if root.lower().endswith(".zip"):
+            yield from _in_zip(fs, root, prefix, _stamp(info))
+        else:
+            yield Log(prefix, "", int(info["size"]), _stamp(info))
+        return
+    if not fs.exists(root):
+        raise BatchError(f"There is no {name}.")
+    for path, info in fs.find(root, detail=True).items():
+        below = str(path)[len(root) :].lstrip("/")
+        if info.get("type") != "directory" and not _is_hidden(below):
+            yield Log(f"{prefix}/{below}", "", int(info["size"]), _stamp(info))
+
+
+def _in_zip(fs: Any, root: str, prefix: str, stamp: str) -> Iterator[Log]:
+    try:
+        with fs.open(root, "rb") as file, zipfile.ZipFile(file) as archive:
+            for info in archive.infolist():
+                if not info.is_dir() and not _is_hidden(info.filename):
+                    yield Log(prefix, info.filename, info.file_size, f"{stamp} {info.CRC:08x}")
+    except zipfile.BadZipFile as error:
+        raise BatchError(f"{prefix} is no zip that can be read: {error}.") from error
+
+
+def _is_hidden(path: str) -> bool:
+    parts = PurePosixPath(path).parts
+    return any(part.startswith((".", "__MACOSX")) for part in parts) or parts[-1] in _ADDED
+
+
+def _stamp(info: dict[str, Any]) -> str:
+    known = next((name for name in _STAMPS if info.get(name) is not None), None)
+    return "" if known is None else f"{known} {info[known]}"
+
+
+def is_here(address: str) -> bool:
+    """Whether it is a file of this machine, or of a share that is mounted."""
+    return is_folder(file_system(address)[0])

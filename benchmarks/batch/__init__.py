@@ -1,0 +1,1 @@
+"""Archives of logs in bulk (``python -m batch``)."""
