@@ -1,14 +1,16 @@
 """Tells followers of drives each change: one connection listens, and one query reads for all of them.
 
-The database announces a drive when its status, stage or progress changes, or when it goes (migration 0009). An
-announcement says only that there is something to read, so a lost one costs time alone: after a reconnection, and
-at intervals, all followed drives are read. Followers get server-sent events. Knows nothing of workers.
+The database announces a drive when its status changes or when it is asked for anew, and when it goes (migration 0039).
+An announcement says only that there is something to read, so a lost one costs time alone: after a reconnection, and at
+intervals, all followed drives are read, every second while one of them runs: how far it is is not announced, for who
+announces holds up all others that do when they commit. Followers get server-sent events. Knows nothing of workers.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import time
 import uuid
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
@@ -40,7 +42,7 @@ takes a third of a millisecond."""
 PAUSE_S = 0.05
 """Between two looks: what changes meanwhile is looked at together."""
 UNTOLD_LOOK_S = 1.0
-"""Between two looks at what is followed where no announcement is received."""
+"""Between two looks at what is followed where no announcement is received, and at how far drives are."""
 AGAIN_S = 1.0
 """After a look or a connection that failed."""
 CONNECT_TIMEOUT_S = 5
@@ -129,14 +131,23 @@ class Feed:
         with suppress(ValueError):  # whoever has the database's password may announce anything
             self._look_at({uuid.UUID(payload)}.intersection(self._followers.topics))
 
+    @property
+    def _every_s(self) -> float:
+        """How often all are looked at: more often while one runs."""
+        told = (follower.last for follower in self._followers.of(self._followers.topics))
+        runs = any(news and news.drive and news.drive.status == "running" for news in told)
+        return min(UNTOLD_LOOK_S, self._look_every_s) if runs else self._look_every_s
+
     async def _look(self) -> None:
+        looked_s = time.monotonic()
         while True:
-            try:
-                async with asyncio.timeout(self._look_every_s):
+            with suppress(TimeoutError):
+                async with asyncio.timeout(max(looked_s + self._every_s - time.monotonic(), 0.0)):
                     await self._wake.wait()
-            except TimeoutError:
-                self._due.update(self._followers.topics)
             self._wake.clear()
+            if time.monotonic() >= looked_s + self._every_s:
+                looked_s = time.monotonic()
+                self._due.update(self._followers.topics)
             while self._due:
                 failed = not await self._look_once(set(islice(self._due, AT_ONCE)))
                 await asyncio.sleep(AGAIN_S if failed else PAUSE_S)

@@ -114,14 +114,14 @@ def _cut(x0: Floats, y0: Floats, to_x: Floats, to_y: Floats) -> Floats:
     return ends
 
 
-def features(ids: Ints, ends: Ints, codes: Sequence[Ints]) -> tuple[Ints, Ints]:
+def features(ids: Ints | None, ends: Ints, codes: Sequence[Ints]) -> tuple[Ints, Ints]:
     """n features: their bytes, one after the other (uint8), and how many each has, shape (n,).
 
-    ``ids``: (n,), from 0 on; ``ends``: (n, 4), as ``clipped`` gives them; ``codes``: for each of the layer's keys
-    which of its values each feature has, shape (n,), below 0 where it has none.
+    ``ids``: (n,), from 0 on; None: they have none. ``ends``: (n, 4), as ``clipped`` gives them. ``codes``: for each of
+    the layer's keys which of its values each feature has, shape (n,), below 0 where it has none.
     """
-    every = np.ones(len(ids), bool)
-    tags, line, body, whole = (_Columns(len(ids)) for _ in range(4))
+    every = np.ones(len(ends), bool)
+    tags, line, body, whole = (_Columns(len(ends)) for _ in range(4))
     for key, code in enumerate(codes):
         has = code >= 0
         tags.constant(bytes([key]), has)
@@ -131,8 +131,9 @@ def features(ids: Ints, ends: Ints, codes: Sequence[Ints]) -> tuple[Ints, Ints]:
         line.constant(bytes([command]))
         for step in steps:
             line.add(step << 1 ^ step >> 63, every)
-    body.constant(bytes([_key(1, _VARINT)]))
-    body.add(ids, every)
+    if ids is not None:
+        body.constant(bytes([_key(1, _VARINT)]))
+        body.add(ids, every)
     body.constant(bytes([_key(2, _DELIMITED)]))
     body.add(tags.size, every)
     body.extend(tags)

@@ -251,13 +251,14 @@ def test_many_drives_changed_at_once_are_announced_as_many(web: Any) -> None:
         assert next(events)[1]["stage"] == "x"
 
 
-def test_only_what_is_shown_is_announced(web: Any) -> None:
+def test_a_status_is_announced_and_no_step(web: Any) -> None:
     drive = upload(web)
     with psycopg.connect(libpq_url(str(web.settings.database_url)), autocommit=True) as listener:
         listener.execute("LISTEN versant_drives")
         for change in (
             "UPDATE drives SET epochs = 7",
-            "UPDATE drives SET progress = 0.3",
+            "UPDATE drives SET progress = 0.3, stage = 'roads'",
+            "UPDATE drives SET status = 'running'",
             "DELETE FROM drives",
         ):
             with web.sessions.begin() as session:

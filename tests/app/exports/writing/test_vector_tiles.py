@@ -75,7 +75,7 @@ def test_what_is_known_of_a_segment_is_in_its_feature() -> None:
         "bridge": True, "dem_slope_percent": -3.3,
     }  # fmt: skip
     (x0, y0), (x1, y1) = other["path"]
-    assert (x1 - x0, y1 - y0) == (1, 0), "shorter than the grid is fine: a unit long"
+    assert x1 - x0 in {1, 2} and y1 == y0, "shorter than the grid is fine: still there"
 
 
 def test_tiles_come_in_the_order_of_their_numbers() -> None:
