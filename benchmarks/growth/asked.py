@@ -53,9 +53,7 @@ class Asked:
                 name: partial(self._pages, "/collections/segments/items", {"limit": "1000", **more})
                 for name, more in boxes.items()
             },
-            **{
-                f"query {name}, ms": partial(self._pages, f"/v1/admin/{name}", {}) for name in QUERIES
-            },
+            **{f"query {name}, ms": partial(self._pages, f"/v1/admin/{name}", {}) for name in QUERIES},
         }
 
     def newest_drives(self, count: int) -> list[str]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import uuid
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date, timedelta
+from itertools import count
 
 import numpy as np
 import pytest
@@ -64,10 +65,12 @@ class Public:
     owners: list[int]
     blobs: BlobStore = field(default_factory=lambda: BlobStore("memory://blobs"))
     day: date = date(2026, 11, 2)
+    days: Iterator[int] = field(default_factory=count)
+    """Of drives: two at one moment would be one drive, logged twice."""
 
     def drive(self, owner: int, rows: Sequence[int], slope_percent: float = 3.0) -> uuid.UUID:
         """A drive of an owner over these segments, at a time of its own."""
-        moment = 1_700_000_000.0 + 100_000.0 * int(uuid.uuid4().int % 5_000)
+        moment = 1_700_000_000.0 + 100_000.0 * next(self.days)
         said = dict.fromkeys(rows, (slope_percent, 0.5))
         drive = drive_over(self.sessions, self.table, self.ids, said, moment)
         give_drive(self.sessions, drive, self.owners[owner])

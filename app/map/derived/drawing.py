@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from app.core.tables import SRID_TILES
 from app.core.tables.served import DRAWN_LEVELS
 from app.map.derived.chains import Course
+from app.map.derived.lines import HALF_WORLD
 from app.network import ZOOM
 from fusion.types import Bools, Floats, Ints
 
@@ -36,8 +37,6 @@ _RANKS = {
 LEAST = max(_RANKS.values()) + 1
 """The rank of what has none."""
 _LINK = "_link"
-HALF_WORLD = 20037508.342789244
-"""Half the width of the world, EPSG:3857."""
 _EXTENT = 4096
 
 

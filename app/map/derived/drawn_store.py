@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 from app.core.db import fetch_binary, send_binary
 from app.map.derived import drawing
 from app.map.derived.chains import Course, chains_of, courses, places, together_m
-from app.map.derived.way_store import lines
+from app.map.derived.lines import HALF_WORLD, lines
 from app.network import ZOOM
 from app.network.cells import TILE_MARGIN
 from fusion.types import Bools, Floats, Ints
@@ -168,10 +168,10 @@ def changed_tiles(level: int, before: Drawn, after: Drawn) -> set[int]:
     if not differing:
         return own
     zoom = drawing.LEVELS[level].tile_zoom
-    side = 2 * drawing.HALF_WORLD / 2**zoom
+    side = 2 * HALF_WORLD / 2**zoom
     lines = shapely.from_wkb(np.array([p.geom_3857 for p in differing], object))
     along = shapely.get_coordinates(shapely.segmentize(lines, side / 8))
-    at = np.column_stack([along[:, 0] + drawing.HALF_WORLD, drawing.HALF_WORLD - along[:, 1]]) / side
+    at = np.column_stack([along[:, 0] + HALF_WORLD, HALF_WORLD - along[:, 1]]) / side
     near = np.concatenate(
         [at + np.array([dx, dy]) for dx in (-_BEYOND, _BEYOND) for dy in (-_BEYOND, _BEYOND)]
     )

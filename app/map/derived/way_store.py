@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from app.core.db import fetch_binary, send_binary
 from app.core.tables import SRID_DEGREES, SRID_TILES
 from app.map.derived.chains import Chains, chains_of, places
+from app.map.derived.lines import lines
 from app.map.segment import SQL_TYPES, Segment, Way
 from fusion.network.segment_slopes import PLACE_SIGMA_M, lane_variance
 from fusion.network.steepest import STRETCH_M
@@ -181,9 +182,6 @@ def _first_steepest(
     return out[0], out[1], out[2]
 
 
-LINE = np.dtype([("head", "u1", 13), ("xy", "<f8", (2, 2))])
-"""A line of two points as the database sends it: little-endian EWKB with its SRID."""
-
 _OF_SEGMENTS = {name: column for name, column in Segment.columns.items() if name != "driven_share"}
 _NUMPY_TYPES: dict[str, type] = {"integer": np.int64, "number": float}
 
@@ -233,11 +231,6 @@ def segments_of(session: Session, ways: Collection[int], followed: Collection[in
         for (name, column), values in zip(_OF_SEGMENTS.items(), columns, strict=False)
     }
     return WaySegments(named, lines(columns[-2]), lines(columns[-1]))
-
-
-def lines(column: Collection[bytes]) -> Floats:
-    """The ends of lines of two points (n, 2, 2)."""
-    return np.asarray(np.frombuffer(b"".join(column), LINE)["xy"], float)
 
 
 def rows_of(segments: WaySegments) -> dict[str, Any]:

@@ -16,8 +16,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from app.core.db import fetch_binary
-from app.map.derived.drawing import HALF_WORLD
-from app.map.derived.way_store import lines
+from app.map.derived.lines import HALF_WORLD, lines
 from app.map.tiles import encoding
 from app.map.tiles.connections import Connection
 from app.map.tiles.encoding import BUFFER, EXTENT, Values

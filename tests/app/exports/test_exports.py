@@ -347,24 +347,3 @@ def test_the_newest_stay_at_once_where_all_together_are_too_large(driven: Web, w
     check(driven.client.get(f"/v1/exports/{first['id']}"), 404)
     assert fetch(driven, second).status_code == 200
     assert len(files(driven)) == 1
-
-
-@pytest.mark.parametrize(("lanes", "at_once"), [(1, 1), (7, 1), (8, 2), (12, 3)])
-def test_one_of_four_lanes_may_make_exports(web: Web, lanes: int, at_once: int) -> None:
-    with web.sessions.begin() as session:
-        session.execute(text("DELETE FROM procrastinate_workers"))
-        session.execute(
-            text(
-                "INSERT INTO procrastinate_workers (last_heartbeat) SELECT now() FROM generate_series(1, :n)"
-            ),
-            {"n": lanes},
-        )
-    for k in range(6):
-        ask(web, bbox=[8.3, 48.9, 8.41 + k / 100, 49.02])
-    with web.sessions() as session:
-        locks = session.execute(
-            text("SELECT lock, count(*) FROM procrastinate_jobs GROUP BY lock ORDER BY lock")
-        ).all()
-    assert [tuple(row) for row in locks] == [
-        (name, 6 // at_once) for name in ("exports", "exports 1", "exports 2")[:at_once]
-    ]

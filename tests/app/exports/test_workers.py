@@ -38,8 +38,8 @@ run_worker(Settings(), with_chores=False)
 """
 
 
-def ask(web: Web, name: str = "csv") -> str:
-    answer = web.client.post("/v1/exports", json={"format": name})
+def ask(web: Web, name: str = "csv", **more: Any) -> str:
+    answer = web.client.post("/v1/exports", json={"format": name, **more})
     assert answer.status_code == 202, answer.text
     return str(answer.json()["id"])
 
@@ -139,3 +139,24 @@ def test_what_is_asked_for_by_a_former_version_is_a_failure_with_a_reason(
     failure = driven.client.get(f"/v1/exports/{export}").json()["failure"]
     assert "shapefile" in failure["reason"]
     assert uuid.UUID(export)
+
+
+@pytest.mark.parametrize(("lanes", "at_once"), [(1, 1), (7, 1), (8, 2), (12, 3)])
+def test_one_of_four_lanes_may_make_exports(web: Web, lanes: int, at_once: int) -> None:
+    with web.sessions.begin() as session:
+        session.execute(text("DELETE FROM procrastinate_workers"))
+        session.execute(
+            text(
+                "INSERT INTO procrastinate_workers (last_heartbeat) SELECT now() FROM generate_series(1, :n)"
+            ),
+            {"n": lanes},
+        )
+    for k in range(6):
+        ask(web, bbox=[8.3, 48.9, 8.41 + k / 100, 49.02])
+    with web.sessions() as session:
+        locks = session.execute(
+            text("SELECT lock, count(*) FROM procrastinate_jobs GROUP BY lock ORDER BY lock")
+        ).all()
+    assert [tuple(row) for row in locks] == [
+        (name, 6 // at_once) for name in ("exports", "exports 1", "exports 2")[:at_once]
+    ]
