@@ -24,7 +24,7 @@ from tests.end_to_end.conftest import COMMAND_S, REPOSITORY, START_S, STOP_S, aw
 
 __all__ = ["pooler"]
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long("the whole service as processes of its own, once more")
 
 SERVERS = 3
 ZOOM = 14

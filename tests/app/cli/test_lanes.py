@@ -168,7 +168,7 @@ def connections(sessions: Sessions, seconds: float) -> Counter[str]:
     return most
 
 
-@pytest.mark.slow
+@pytest.mark.long("two lanes are loaded, and watched while they rest")
 def test_a_job_begins_at_once_and_idle_lanes_have_one_connection_each(
     worker: Worker, sessions: Sessions
 ) -> None:
@@ -182,7 +182,7 @@ def test_a_job_begins_at_once_and_idle_lanes_have_one_connection_each(
     assert statistics.median(samples) <= 2
 
 
-@pytest.mark.slow
+@pytest.mark.long("two lanes are loaded, and wait for their listener")
 def test_lanes_hear_again_when_the_listeners_connection_was_cut(worker: Worker, sessions: Sessions) -> None:
     worker.await_lanes()
     cut = text("SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity WHERE application_name = :name")
