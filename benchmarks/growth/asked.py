@@ -12,6 +12,7 @@ import numpy as np
 from sqlalchemy import text
 
 from app.core.db import Bounds, Sessions
+from app.map.tiles.store import column_of, row_of
 from app.network.cells import raise_versions
 from app.ops.admin.queries import QUERIES
 from served.million import NUMBERS
@@ -94,9 +95,8 @@ class Asked:
         west, south, east, north = self._box
         rng = np.random.default_rng(zoom)
         for _ in range(TILES):
-            lon, lat = rng.uniform(west, east), np.radians(rng.uniform(south, north))
-            row = 0.5 - np.arcsinh(np.tan(lat)) / (2 * np.pi)
-            yield int((lon + 180) / 360 * 2**zoom), int(row * 2**zoom)
+            lon, lat = rng.uniform(west, east), rng.uniform(south, north)
+            yield column_of(zoom, lon), row_of(zoom, lat)
 
     def _pages(self, path: str, parameters: dict[str, str]) -> float:
         return statistics.median(
