@@ -24,7 +24,7 @@ _WAIT_S = 0.02
 
 _BOX = text("""
     SELECT min(ST_XMin(geom)), min(ST_YMin(geom)), max(ST_XMax(geom)), max(ST_YMax(geom))
-    FROM segments WHERE osm_way_id < :numbers AND CAST('first' AS text) = ANY(regions)
+    FROM segments WHERE osm_way_id < :numbers
 """)
 _CELLS_IN = text("SELECT DISTINCT cell FROM segments WHERE geom && ST_MakeEnvelope(:w, :s, :e, :n, 4326)")
 
