@@ -8,6 +8,7 @@ import pytest
 from sqlalchemy import text
 
 from app.map import figures
+from app.map.derived import following
 from app.ops.admin.attention import attention
 from app.ops.admin.queries import QUERIES
 from app.ops.admin.store import Parameters
@@ -32,16 +33,23 @@ def run(web: Web, statement: str) -> None:
 WORKER = "INSERT INTO procrastinate_workers (last_heartbeat) VALUES (now())"
 
 
-def test_nothing_is_said_while_all_is_well(filled: Web) -> None:
-    run(filled, WORKER)
-    add_drive(filled.sessions, [0, 1])
-    assert rows(filled, "attention") == []
+@pytest.fixture
+def followed(filled: Web) -> Web:
+    """The grid as a worker leaves it, however long ago its roads were made: ways and low zooms follow them."""
+    following.follow_all(filled.sessions)
+    return filled
 
 
-def test_each_trouble_is_named_and_what_is_urgent_comes_first(filled: Web) -> None:
-    assert wrong(filled) == {"worker": ("look", 0)}
-    run(filled, WORKER)
-    ids = [add_drive(filled.sessions, [k]) for k in range(6)]
+def test_nothing_is_said_while_all_is_well(followed: Web) -> None:
+    run(followed, WORKER)
+    add_drive(followed.sessions, [0, 1])
+    assert rows(followed, "attention") == []
+
+
+def test_each_trouble_is_named_and_what_is_urgent_comes_first(followed: Web) -> None:
+    assert wrong(followed) == {"worker": ("look", 0)}
+    run(followed, WORKER)
+    ids = [add_drive(followed.sessions, [k]) for k in range(6)]
     changes = [
         "status = 'failed', failure_kind = 'no-match', failure_reason = 'x'",
         "status = 'failed', failure_kind = 'internal', failure_reason = 'x'",
@@ -51,18 +59,19 @@ def test_each_trouble_is_named_and_what_is_urgent_comes_first(filled: Web) -> No
         "status = 'queued', queued_at = now() - interval '1 min', finished_at = NULL",
     ]
     for drive, change in zip(ids, changes, strict=True):
-        run(filled, f"UPDATE drives SET {change} WHERE id = '{drive}'")
+        run(followed, f"UPDATE drives SET {change} WHERE id = '{drive}'")
     mark = "(cell, touched, combined, due_at, tries) VALUES (7, '{}', '{}', now(), 5)"
-    run(filled, f"INSERT INTO network_marks {mark}")
+    run(followed, f"INSERT INTO network_marks {mark}")
     hook = "(id, url, secret, events, active, off_reason)"
-    run(filled, f"INSERT INTO webhooks {hook} VALUES (gen_random_uuid(), 'u', 's', '{{}}', false, 'silent')")
+    run(followed, f"INSERT INTO webhooks {hook} VALUES (gen_random_uuid(), 'u', 's', '{{}}', false, 'silent')")
+    run(followed, "UPDATE segment_changes SET changed_at = now() - interval '20 min'")
     for status in ("planned", "failed", "done"):
         run(
-            filled,
+            followed,
             "INSERT INTO operations (id, kind, subject, request, status, finished_at) "
             f"VALUES (gen_random_uuid(), 'settle', 'map', '{{}}', '{status}', now())",
         )
-    found = rows(filled, "attention")
+    found = rows(followed, "attention")
     assert {(row["kind"], row["severity"], row["count"]) for row in found} == {
         ("failed", "look", 1),
         ("failed", "act", 1),
@@ -70,6 +79,7 @@ def test_each_trouble_is_named_and_what_is_urgent_comes_first(filled: Web) -> No
         ("wait", "look", 1),
         ("removal", "look", 1),
         ("cell", "act", 1),
+        ("derived", "look", 1),
         ("webhook", "look", 1),
         ("operation-planned", "act", 1),
         ("operation-failed", "look", 1),
@@ -83,7 +93,7 @@ def test_each_trouble_is_named_and_what_is_urgent_comes_first(filled: Web) -> No
     for row in found:  # every link that is the API's leads somewhere
         assert row["what"].endswith(".")
         if str(row["link"]).startswith("/v1/admin"):
-            assert filled.client.get(row["link"]).status_code == 200
+            assert followed.client.get(row["link"]).status_code == 200
 
 
 def test_little_room_is_told_before_there_is_too_little(web: Web) -> None:
