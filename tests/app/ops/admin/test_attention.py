@@ -63,7 +63,9 @@ def test_each_trouble_is_named_and_what_is_urgent_comes_first(followed: Web) -> 
     mark = "(cell, touched, combined, due_at, tries) VALUES (7, '{}', '{}', now(), 5)"
     run(followed, f"INSERT INTO network_marks {mark}")
     hook = "(id, url, secret, events, active, off_reason)"
-    run(followed, f"INSERT INTO webhooks {hook} VALUES (gen_random_uuid(), 'u', 's', '{{}}', false, 'silent')")
+    run(
+        followed, f"INSERT INTO webhooks {hook} VALUES (gen_random_uuid(), 'u', 's', '{{}}', false, 'silent')"
+    )
     run(followed, "UPDATE segment_changes SET changed_at = now() - interval '20 min'")
     for status in ("planned", "failed", "done"):
         run(
