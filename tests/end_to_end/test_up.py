@@ -34,7 +34,7 @@ def test_a_drive_is_taken_up_again_after_ctrl_c_and_nothing_outlives_a_killed_pa
         assert versant(command, "--data-dir", idle.data_dir, file).returncode == 0
     with idle.client() as client:
         # Large enough to be still at work when the interrupt comes.
-        drive = client.upload(simulated.drives[0], method="particle", options={"particles": 100_000})
+        drive = client.upload(simulated.drives[0], method="particle", options={"particles": 25_000})
         await_true(lambda: client.drive(drive.id).status == "running", 30, "the drive never began")
     assert idle.interrupt() == 0, idle.said()
     assert idle.processes() == []
