@@ -87,13 +87,17 @@ def main() -> None:
             "ratio": ("ratio", ".2f"),
         }
         print(text_table(rows, columns))
-        sizes = {
-            count: made.sizes(session_factory(make_engine(service.url)))
-            for count, service in services.items()
-        }
-        for count, size in sizes.items():
-            print(f"{count:,} segments: " + ", ".join(f"{name} {value:,}" for name, value in size.items()))
+        sizes = {count: _sizes(service) for count, service in services.items()}
         write_json(args.json, {"figures": figures_of, "sizes": sizes})
+
+
+def _sizes(service: Service) -> dict[str, int]:
+    """Rows and bytes of a database, printed."""
+    with _sessions(service) as sessions:
+        rows, room = made.sizes(sessions), made.bytes_of_tables(sessions)
+    print("\n" + ", ".join(f"{name} {value:,}" for name, value in rows.items()))
+    print("MB: " + ", ".join(f"{name} {value / 1e6:.0f}" for name, value in room.items()))
+    return {**rows, **{f"bytes of {name}": value for name, value in room.items()}}
 
 
 def _row(what: str, values: list[float]) -> dict[str, object]:

@@ -41,6 +41,14 @@ _COUNTS = {
     name: text(f"SELECT count(*) FROM {name}")  # noqa: S608 - a constant
     for name in ("segments", "segment_slopes", "drives", "drive_passes", "ways", "drawn_pieces")
 }
+# What each table takes with its indexes and what lies out of line, partitions with their parent.
+_TABLES = text("""
+    SELECT CAST(CAST(coalesce(i.inhparent, c.oid) AS regclass) AS text) AS name,
+           sum(pg_total_relation_size(c.oid)) AS bytes
+    FROM pg_class AS c LEFT JOIN pg_inherits AS i ON i.inhrelid = c.oid
+    WHERE c.relkind = 'r' AND c.relnamespace = CAST('public' AS regnamespace)
+    GROUP BY 1 HAVING sum(pg_total_relation_size(c.oid)) > 1e6 ORDER BY 2 DESC
+""")
 _SLOPES = ("network_slopes", "segment_slopes")
 
 
@@ -113,3 +121,9 @@ def sizes(sessions: Sessions) -> dict[str, int]:
     with sessions() as session:
         counts = {name: session.execute(count).scalar_one() for name, count in _COUNTS.items()}
         return {**counts, "bytes": session.execute(_BYTES).scalar_one()}
+
+
+def bytes_of_tables(sessions: Sessions) -> dict[str, int]:
+    """What each table of a megabyte or more takes, with its indexes; the largest first."""
+    with sessions() as session:
+        return {row.name: int(row.bytes) for row in session.execute(_TABLES)}
