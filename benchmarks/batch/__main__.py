@@ -9,7 +9,8 @@ gzipped CSV, GPX, NMEA, zips of two files and GPX with the late heights of an al
 Making them is not measured.
 
     speed      by one worker process and by ``--processes``: seconds by the clock and of processors, logs a second and
-               core, how many times faster, whether all files have the same bytes, whether each broken file is named
+               core, how many times faster, whether all files have the same bytes, whether each broken file is named,
+               and how many others cannot be used (a made-up drive may turn round and round in one yard)
     killed     a worker is killed at random every ``--kill-every`` seconds: the same bytes
     cut        the command is killed three times: it goes on, the same bytes
     scheduler  a scheduler and two workers of their own; the scheduler is killed: the command ends, and goes on with a
@@ -99,7 +100,9 @@ def speed(archive: Archive) -> Figures:
     one_s, one_cpu_s = timed(archive.command("one", "--processes", "1"))
     several_s, several_cpu_s = archive.undisturbed()
     rows = pq.read_table(archive.folder / "several" / "report.parquet").to_pylist()
-    failed = {row["log"] for row in rows if row["status"] == "failed" and row["reason"]}
+    of_broken = {str(path) for path in archive.broken}
+    # Empty files are one file, several times: the report names each.
+    unused = {row["log"] for row in rows if row["status"] in {"failed", "repeated"} and row["reason"]}
     return {
         "one_s": one_s,
         "several_s": several_s,
@@ -108,7 +111,8 @@ def speed(archive: Archive) -> Figures:
         "logs_per_s_and_core": count / several_s / processes,
         "times_faster": one_s / several_s,
         "same_bytes": archive.results("one") == archive.results("several"),
-        "broken_named": failed == {str(path) for path in archive.broken},
+        "broken_named": of_broken <= unused,
+        "others_unused": len(unused - of_broken),
         "done": sum(row["status"] == "done" for row in rows),
         "segments": pq.read_metadata(archive.folder / "several" / "slopes.parquet").num_rows,
     }
