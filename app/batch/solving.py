@@ -67,9 +67,10 @@ class StoredPasses:
                 mine &= drive >= 0
                 _add(drives, drive[mine], factors_of(table.filter(mine), segment[mine]), counted.widening)
         for number, file_name in own.late:
-            factors, rows = pickle.loads((self.folder.scratch / file_name).read_bytes())  # noqa: S301 - as above
+            stored, rows = pickle.loads((self.folder.scratch / file_name).read_bytes())  # noqa: S301 - as above
             mine, segment = _of_block(rows, own)
-            over = [factors[k].over(int(segment[k])) for k in np.flatnonzero(mine).tolist()]
+            told = [(*stored[k], int(segment[k])) for k in np.flatnonzero(mine).tolist()]
+            over = PassFactor.decode_all([(data, at, sequence) for sequence, data, at in told])
             _add(drives, np.full(len(over), number), over, counted.widening)
         return drives
 
@@ -152,7 +153,8 @@ class StoredEvidence:
             if made is DEAD:
                 raise BatchError(f"{one.log.name}: {DIED.text}")
             factors, row = made
-            (self.folder.scratch / _late_file(one.drive)).write_bytes(pickle.dumps((factors, row)))
+            stored = [*zip([f.sequence for f in factors], PassFactor.encode_all(factors), strict=True)]
+            (self.folder.scratch / _late_file(one.drive)).write_bytes(pickle.dumps((stored, row)))
             self._late[one.drive], self._lag_s[one.drive] = row, one.lag_s
         return bool(late)
 

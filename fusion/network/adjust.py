@@ -13,7 +13,7 @@ import numpy as np
 
 from fusion.network.blockwise.owners import grouped
 from fusion.network.blockwise.partition import Partition, PassSource, homes
-from fusion.network.blockwise.system import BlockedSystem, summaries
+from fusion.network.blockwise.system import BlockedSystem, store_of, summaries
 from fusion.network.control import ControlBeliefs, ControlHeights
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.drive_constants import ConstantsInformation, outside_blocks
@@ -61,7 +61,8 @@ def adjust_from(
     control: ControlHeights | None = None,
 ) -> Adjustment:
     """As ``adjust``, in blocks, with passes that whoever works on a block reads there: never are all in one place."""
-    passes = PassColumns.together(summaries(source, blocks))
+    store = store_of(blocks)
+    passes = PassColumns.together(summaries(source, blocks, store))
     beliefs = _Beliefs(network, passes, terrain, control)
     home = homes(blocks.block, beliefs.road.unknowns, beliefs.drives)
     of_block = blocks.block[passes.segment]
@@ -70,7 +71,7 @@ def adjust_from(
         place[mine] = np.arange(len(mine))
     equations = beliefs.blocks()
     size, late = beliefs.drives.size, beliefs.drives.late
-    system = BlockedSystem(size, equations, home, blocks, late, source, place)
+    system = BlockedSystem(size, equations, home, blocks, late, store, place)
     system.release()
     return beliefs.adjustment(system)
 

@@ -131,11 +131,8 @@ class DriveBeliefs:
     def _groups(self, road: RoadUnknowns, factors: Sequence[PassFactor] | None) -> list[PassGroup]:
         """Passes with equal numbers of unknowns, those first that come first."""
         passes = self.passes
-        shape = (passes.knots << NUISANCES) + passes.used @ (1 << np.arange(NUISANCES))
-        _, first, which = np.unique(shape, return_index=True, return_inverse=True)
         out = []
-        for number in np.argsort(first).tolist():
-            members = np.flatnonzero(which == number)
+        for members in passes.alike():
             used = passes.used[members[0]]
             variables = np.concatenate(
                 [road.variables(passes.segment[members]), self.of_pass[members][:, used]], axis=1

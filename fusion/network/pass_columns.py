@@ -49,17 +49,26 @@ class PassColumns(ColumnTable):
     @classmethod
     def of(cls, drives: Mapping[int, Sequence[PassFactor]]) -> Self:
         """Of drives by their numbers."""
-        drive, passes = in_order(drives)
-        columns: dict[str, Any] = {
-            spec.name: np.array([getattr(p, spec.name) for p in passes], _KINDS[str(spec.type)])
+        return cls.in_order(*in_order(drives))
+
+    @classmethod
+    def in_order(cls, drive: Sequence[int], passes: Sequence[PassFactor]) -> Self:
+        """Of passes that are in order, with their drives."""
+        kinds = {
+            spec.name: _KINDS[str(spec.type)]
             for spec in fields(cls)
             if spec.name not in ("drive", "knots", "used")
         }
+        rows = [*zip(*map(attrgetter(*kinds), passes), strict=True)] or [()] * len(kinds)
+        columns: dict[str, Any] = {
+            name: np.array(row, kind) for (name, kind), row in zip(kinds.items(), rows, strict=True)
+        }
         columns["walk_m2_per_s"] = columns["walk_m2_per_s"].reshape(-1, 2)
+        own = np.array([p.information.diagonal()[-NUISANCES:] for p in passes]).reshape(-1, NUISANCES)
         return cls(
             drive=np.array(drive, np.int64),
             knots=np.array([len(p.vector) - NUISANCES for p in passes], np.int64),
-            used=np.array([p.used for p in passes], np.bool_).reshape(-1, NUISANCES),
+            used=own > 0,
             **columns,
         )
 
@@ -68,6 +77,12 @@ class PassColumns(ColumnTable):
         """The passes of several tables; a drive may have some in each of them."""
         every = cls.of({}).joined(*tables)
         return every.take(np.lexsort((every.sequence, every.drive)))
+
+    def alike(self) -> list[Ints]:
+        """Passes with equal numbers of unknowns, those first that come first; of each the rows, ascending."""
+        shape = (self.knots << NUISANCES) + self.used @ (1 << np.arange(NUISANCES))
+        _, first, which = np.unique(shape, return_index=True, return_inverse=True)
+        return [np.flatnonzero(which == number) for number in np.argsort(first).tolist()]
 
     def of_drives(self) -> tuple[list[int], list[slice]]:
         """The numbers of the drives, and where the passes of each stand."""

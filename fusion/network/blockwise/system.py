@@ -21,10 +21,15 @@ from fusion.types import Floats, Ints
 _NOTHING = np.empty(0, np.int64)
 
 
-def summaries(source: PassSource, partition: Partition) -> list[PassColumns]:
-    """What is known of the passes of each block but what they say, in the order of the blocks."""
+def store_of(partition: Partition) -> Store:
+    """Where the work on these blocks leaves what later work needs."""
+    return FolderStore(partition.folder) if partition.folder else MemoryStore()
+
+
+def summaries(source: PassSource, partition: Partition, store: Store) -> list[PassColumns]:
+    """What is known of the passes of each block but what they say, in the order of the blocks; that is in the store."""
     blocks = np.unique(partition.block).tolist()
-    found = dict(done(partition.executor, blocks, {}, lambda k: (tasks.summary, source, k)))
+    found = dict(done(partition.executor, blocks, {}, lambda k: (tasks.summary, store, source, k)))
     return [found[k] for k in blocks]
 
 
@@ -32,7 +37,8 @@ class BlockedSystem:
     """As ``EquationSystem``, solved block by block; ``home`` (size,) is the block of each unknown, -1 for none.
 
     ``late`` as there. What equations say is kept with who works on them: afterwards only new weights and vectors
-    are looked at. ``source`` reads the passes of equations that have numbers; ``place`` is which of its block each is.
+    are looked at. What equations that have numbers say ``summaries`` has left in the ``store``; ``place`` is which of
+    its block each is.
     """
 
     def __init__(
@@ -42,11 +48,11 @@ class BlockedSystem:
         home: Ints,
         partition: Partition,
         late: Ints,
-        source: PassSource | None = None,
+        store: Store | None = None,
         place: Ints = _NOTHING,
     ) -> None:
         self.size, self.executor = size, partition.executor
-        self.store: Store = FolderStore(partition.folder) if partition.folder else MemoryStore()
+        self.store = store or store_of(partition)
         self.kinds = [b for b in blocks if len(b.variables)]
         self.tree = partition.tree()
         self.owners = Owners(size, [b.variables for b in self.kinds], home, self.tree)
@@ -59,7 +65,7 @@ class BlockedSystem:
         self._borders, self._nodes = self._tree_of_borders()
         self._order = [n for n in self.tree.order if n in self._rows or n in self._nodes]
         self._given = [b.vector for b in self.kinds]
-        self._prepare(late, source, place)
+        self._prepare(late, place)
 
     def _tree_of_borders(self) -> tuple[dict[int, Ints], dict[int, Node]]:
         """The borders of blocks and of nodes, and the nodes that have unknowns."""
@@ -76,7 +82,7 @@ class BlockedSystem:
             nodes[number] = Node(number, int(own.sum()), len(every), where)
         return borders, nodes
 
-    def _prepare(self, late: Ints, source: PassSource | None, place: Ints) -> None:
+    def _prepare(self, late: Ints, place: Ints) -> None:
         late_of = dict(grouped(self.owners.node[late]))
 
         def job(number: int) -> Job:
@@ -92,7 +98,7 @@ class BlockedSystem:
                     one.asked = b.asked
                 kinds.append(one)
             mine = late[late_of.get(number, _NOTHING)]
-            return tasks.prepare, self.store, number, self._borders[number], mine, kinds, source
+            return tasks.prepare, self.store, number, self._borders[number], mine, kinds
 
         for _ in self.each(self._rows, job):
             pass

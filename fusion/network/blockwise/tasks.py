@@ -75,21 +75,23 @@ def positions(unknowns: Ints, variables: Ints) -> tuple[Ints, Bools]:
     return at, unknowns[at] == variables
 
 
-def summary(source: PassSource, block: int) -> PassColumns:
-    """All that is known of a block's passes but what they say."""
-    return PassColumns.of(source.passes(block))
+def summary(store: Store, source: PassSource, block: int) -> PassColumns:
+    """All that is known of a block's passes but what they say, which is kept for ``prepare``."""
+    drive, factors = in_order(source.passes(block))
+    columns = PassColumns.in_order(drive, factors)
+    said = [(alike, said_by([factors[k] for k in alike.tolist()])) for alike in columns.alike()]
+    store.put(("said", block), said)
+    return columns
 
 
-def prepare(
-    store: Store, number: int, border: Ints, late: Ints, kinds: list[Blocks], source: PassSource | None
-) -> None:
+def prepare(store: Store, number: int, border: Ints, late: Ints, kinds: list[Blocks]) -> None:
     """Keep a block's equations, and find out how they are eliminated onto ``border``; ``late`` of those inside wait for
-    all that they occur with."""
-    if source is not None:
-        factors = in_order(source.passes(number))[1]
+    all that they occur with. What numbered ones say is taken from ``summary``."""
+    if any(one.numbers is not None for one in kinds):
+        said: list[tuple[Ints, tuple[Floats, Floats]]] = store.get(("said", number))
         for one in kinds:
             if one.numbers is not None:
-                one.information, one.vector = said_by([factors[k] for k in one.numbers.tolist()])
+                one.information, one.vector = _said(said, one.numbers)
     used = np.unique(np.concatenate([one.variables.ravel() for one in kinds]))
     unknowns = np.concatenate([np.setdiff1d(used, border, assume_unique=True), border])
     for one in kinds:
@@ -102,6 +104,15 @@ def prepare(
         ("block", number),
         Block(unknowns, len(border), how, kinds, [how.slots(one.variables) for one in kinds]),
     )
+
+
+def _said(said: list[tuple[Ints, tuple[Floats, Floats]]], numbers: Ints) -> tuple[Floats, Floats]:
+    """Information and vectors of passes that are all of one shape."""
+    for alike, (information, vector) in said:
+        at = np.minimum(np.searchsorted(alike, numbers), len(alike) - 1)
+        if alike[at[0]] == numbers[0]:
+            return information[at], vector[at]
+    raise ValueError(f"nothing is known of pass {numbers[0]}")
 
 
 def eliminate_block(store: Store, number: int, learned: Learned) -> None:
