@@ -12,6 +12,8 @@ one worker do, and one drive goes through them to warm up. Then all drives are u
 workers started.
 
     drives/s    drives over the time from the first that was begun to the last that was done
+    workers s   processor seconds of a drive in the processes of the workers, from the first that was done on
+    database s  the same of PostgreSQL's processes
     longest s   from the beginning of a drive to its end, at most: solvers let cells wait while drives do
     alone s     of ``--alone`` further drives, one by one into the idle service: from upload to ``done``, median
     lock waits  of 100 ms and longer, as PostgreSQL logs them, and the longest
@@ -33,7 +35,7 @@ import statistics
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -45,6 +47,7 @@ from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from service.logs import make_logs
 from service.processes import Service
+from service.processor import used_s
 
 HERE = Path(__file__).resolve().parents[1]
 HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
@@ -53,6 +56,8 @@ COLUMNS = {
     "workers": ("workers", "g"),
     "drives": ("drives", "g"),
     "rate": ("drives/s", ".2f"),
+    "workers_s": ("workers s", ".2f"),
+    "database_s": ("database s", ".2f"),
     "longest_s": ("longest s", ".1f"),
     "alone_s": ("alone s", ".2f"),
     "lock_waits": ("lock waits", "g"),
@@ -70,6 +75,8 @@ class Result:
     workers: int
     drives: int
     rate: float
+    workers_s: float
+    database_s: float
     longest_s: float
     alone_s: float
     lock_waits: int
@@ -160,35 +167,71 @@ def run(
             log_bytes = cluster.log_path.stat().st_size
             for log in logs[:drives]:
                 service.send(log)
-            with started_all(service, workers):
-                service.await_done(
-                    lambda finished: show_progress(f"{code}, {workers} workers: {finished} of {drives}")
-                )
+            with started_all(service, workers) as pids:
+                spent = Spent([pids, [postmaster_of(Path(folder))]])
+
+                def tell(finished: int, spent: Spent = spent) -> None:
+                    show_progress(f"{code}, {workers} workers: {finished} of {drives}")
+                    spent.look(finished)
+
+                service.await_done(tell)
+                each_s = spent.each_s(drives + 1)  # one warmed up
                 rate, longest = service.throughput(drives)
                 alone = [service.alone(log) for log in logs[drives : drives + args.alone]]
             waits = lock_waits(cluster.log_path, log_bytes)
-        moved = service.moved_by_settling() if settle else (None, None)
+        moved_99, moved = service.moved_by_settling() if settle else (None, None)
     return Result(
         code,
         workers,
         drives,
         rate,
+        each_s[0],
+        each_s[1],
         longest,
         statistics.median(alone),
         len(waits),
         max(waits, default=0.0),
-        *moved,
+        moved_99,
+        moved,
     )
 
 
 @contextmanager
-def started_all(service: Service, workers: int) -> Iterator[None]:
-    """So many workers."""
-    if workers == 0:
-        yield
-        return
-    with service.started(*service.worker), started_all(service, workers - 1):
-        yield
+def started_all(service: Service, workers: int) -> Iterator[list[int]]:
+    """So many workers; the numbers of their processes."""
+    with ExitStack() as stack:
+        yield [stack.enter_context(service.started(*service.worker)).pid for _ in range(workers)]
+
+
+def postmaster_of(folder: Path) -> int:
+    """The process of the cluster in the folder from which all others of it descend."""
+    return int((folder / "postgres" / "data" / "postmaster.pid").read_text().split()[0])
+
+
+class Spent:
+    """Processor seconds of groups of processes from the time when first a drive more was done: what they load when
+    they begin is no drive's."""
+
+    def __init__(self, groups: Sequence[Sequence[int]]) -> None:
+        self._groups = groups
+        self._seen: int | None = None
+        self._begin: tuple[int, list[float]] | None = None
+
+    def look(self, finished: int) -> None:
+        """So many drives are done."""
+        if self._begin is None and self._seen is not None and finished > self._seen:
+            self._begin = finished, self._used_s()
+        self._seen = finished if self._seen is None else self._seen
+
+    def each_s(self, finished: int) -> list[float]:
+        """Of each group, for each drive since."""
+        before, used_s = self._begin or (0, [0.0] * len(self._groups))
+        return [
+            (now - then) / max(finished - before, 1) for now, then in zip(self._used_s(), used_s, strict=True)
+        ]
+
+    def _used_s(self) -> list[float]:
+        return [used_s(pids) for pids in self._groups]
 
 
 def lock_waits(log: Path, from_byte: int) -> list[float]:
