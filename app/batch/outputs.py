@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
+from app.batch.errors import BatchError
 from app.batch.folder import BatchFolder
+from app.batch.hands import DEAD, Hands
 from app.batch.source import SolvedSource
 from app.core.text import utc_text, whole_file
 from app.exports.format import WAYS, Format, TableFormat, statements
@@ -36,24 +39,50 @@ def file_name(chosen: Format) -> str:
 
 
 def write_outputs(
-    folder: BatchFolder, formats: Sequence[str], source: SolvedSource, attribution: str
+    hands: Hands, folder: BatchFolder, formats: Sequence[str], source: SolvedSource, attribution: str
 ) -> list[Path]:
-    """Write the segments in each of the formats; equal solutions make equal bytes."""
+    """Write the segments in each of the formats, side by side; equal solutions make equal bytes.
+
+    What there is to say of the files is noted in the ``source``.
+    """
     stated = statements(attribution, source.solution.height_datum)
     stated["changed_at"] = utc_text(source.newest) or ""
-    files, companions = [], set[Path]()
+    folder.scratch.mkdir(parents=True, exist_ok=True)
+    place = folder.scratch / "solved"
+    place.write_bytes(pickle.dumps(source, pickle.HIGHEST_PROTOCOL))
+    made: dict[str, Written] = {}
+    for name, written in hands.results(formats, lambda name: (_write, folder, name, place, stated)):
+        if written is DEAD:
+            raise BatchError(f"The process that wrote {name} died three times. Give workers more memory.")
+        made[name] = written
+    place.unlink()
+    kept = set[Path]()
     for name in formats:
-        chosen = FORMATS[name]
-        path = folder.slopes(file_name(chosen))
-        with whole_file(path) as partial:
-            # What formats ask of a source, this one has; but of ways.
-            chosen.write(cast("Source", source), partial, stated, chosen.parse_options({}, local=True))
-        beside = chosen.companions(path, stated)
-        write_companions(beside)
-        files.append(path)
-        companions |= {*beside}
-    remove_outputs(folder, {*files, *companions})
-    return files
+        source.notes += made[name].notes
+        kept |= {made[name].path, *made[name].beside}
+    remove_outputs(folder, kept)
+    return [made[name].path for name in formats]
+
+
+class Written(NamedTuple):
+    """A file, those that belong to it, and what there is to say of them."""
+
+    path: Path
+    beside: list[Path]
+    notes: list[str]
+
+
+def _write(folder: BatchFolder, name: str, place: Path, stated: dict[str, str]) -> Written:
+    """One format, by whoever it is given to."""
+    source: SolvedSource = pickle.loads(place.read_bytes())  # noqa: S301 - our own file
+    chosen = FORMATS[name]
+    path = folder.slopes(file_name(chosen))
+    with whole_file(path) as partial:
+        # What formats ask of a source, this one has; but of ways.
+        chosen.write(cast("Source", source), partial, stated, chosen.parse_options({}, local=True))
+    beside = chosen.companions(path, stated)
+    write_companions(beside)
+    return Written(path, [*beside], source.notes)
 
 
 def remove_outputs(folder: BatchFolder, kept: set[Path]) -> None:

@@ -98,8 +98,8 @@ def run(request: Request, folder: BatchFolder, hands: Hands, shown: Shown) -> Do
     control = read_control(request.control) if request.control else []
     solution = drives.solved(hands, folder, control, request.gaps)
     outcomes = outcomes_of(located, repeated, drives.rows, drives.failed, solution)
-    source = SolvedSource(solution, drives.newest(), [request.roads], choices.terrain())
-    files = write_outputs(folder, request.formats, source, attribution(drives.rasters(solution)))
+    source = SolvedSource(solution, drives.newest(), [request.roads], choices.terrain)
+    files = write_outputs(hands, folder, request.formats, source, attribution(drives.rasters(solution)))
     write_report(folder, outcomes)
     _write_manifest(request, folder, choices, located, solution)
     _tidy(folder, {*(one.key for one in looks), *(one.key for one in every)}, choices)

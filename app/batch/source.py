@@ -26,7 +26,8 @@ class SolvedSource:
     newest: datetime
     """What was measured is as new as that."""
     road_files: Sequence[Path]
-    dem: Dem | None
+    terrain: Callable[[], Dem | None]
+    """The rasters, wherever it is called: a source can be sent to another process"""
     bbox: None = None
     notes: list[str] = field(default_factory=list)
 
@@ -57,8 +58,10 @@ class SolvedSource:
 
     def ground_heights(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
         """Of the ground by the rasters, m; NaN unknown; shapes (n,)."""
-        return np.full(len(lon_deg), np.nan) if self.dem is None else self.dem.heights(lon_deg, lat_deg)
+        dem = self.terrain()
+        return np.full(len(lon_deg), np.nan) if dem is None else dem.heights(lon_deg, lat_deg)
 
     def ground_datum(self) -> str | None:
         """What these refer to."""
-        return None if self.dem is None else self.dem.datum
+        dem = self.terrain()
+        return None if dem is None else dem.datum

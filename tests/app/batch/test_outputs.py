@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
+from functools import cache, partial
 from pathlib import Path
+from typing import Any, cast
 
 import pyarrow.parquet as pq
 import pytest
 
 from app.batch.folder import BatchFolder
+from app.batch.hands import Hands
 from app.batch.outputs import formats_of_segments, write_outputs
 from app.batch.source import SolvedSource
 from app.cli.fuse_files import Fusion
@@ -20,18 +24,37 @@ from fusion.terrain.dem import Dem
 NEWEST = datetime(2024, 6, 3, 8, tzinfo=UTC)
 
 
+class Own:
+    """This process's hands."""
+
+    def results(
+        self, items: Sequence[Any], call: Callable[[Any], tuple[Any, ...]]
+    ) -> Iterator[tuple[Any, Any]]:
+        """The last item first: who is done when is nobody's to say."""
+        for item in reversed(items):
+            work, *arguments = call(item)
+            yield item, work(*arguments)
+
+
+@cache
+def terrain(raster: Path) -> Dem:
+    """Opened once."""
+    return Dem.open([raster])
+
+
 @pytest.mark.slow
 def test_every_format_is_written(tmp_path: Path) -> None:
     town = write_all(tmp_path / "town", 1, seed=1, duration_s=60.0)
-    with Dem.open([town.dem]) as dem:
+    with terrain(town.dem) as dem:
         fusion = Fusion("raw", parse_options("raw"), read_roads(town.osm), dem)
         fusion.add(town.drives[0])
         solution = fusion.solve().solution
         written = []
         for name in ("one", "two"):
             (tmp_path / name).mkdir()
-            source = SolvedSource(solution, NEWEST, [town.osm], dem)
-            files = write_outputs(BatchFolder(tmp_path / name), formats_of_segments(), source, "Roads")
+            source = SolvedSource(solution, NEWEST, [town.osm], partial(terrain, town.dem))
+            folder, formats = BatchFolder(tmp_path / name), formats_of_segments()
+            files = write_outputs(cast("Hands", Own()), folder, formats, source, "Roads")
             written.append([path.read_bytes() for path in files])
     assert len({path.name for path in files}) == len(formats_of_segments()) > 10
     empty = {path.name for path, data in zip(files, written[0], strict=True) if not data}
