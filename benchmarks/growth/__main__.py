@@ -119,8 +119,8 @@ def _made(
             for log in logs:
                 service.send(log)
             service.await_done()
-        with _sessions(service) as sessions:
-            made.grow(sessions, segments, round(segments * args.passes_each))
+    with _sessions(service) as sessions:
+        made.grow(sessions, segments, round(segments * args.passes_each))
     return service
 
 

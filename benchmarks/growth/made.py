@@ -18,9 +18,9 @@ from app.core.db import Sessions
 from app.core.tables.network import DrivePass
 from app.map.derived.following import follow_all
 from app.network.cells import raise_versions
-from served.million import NUMBERS, Copy, copies, copy_roads
+from served.million import NUMBERS, Copy, copies, copies_there, copy_roads
 
-DAY_S = 86_400
+DAY_S = 86_400.0
 _MAPPED = """
     CREATE TEMP TABLE mapped ON COMMIT DROP AS
     SELECT o.id AS original, c.id
@@ -34,7 +34,9 @@ _DRIVEN = """
     FROM drives AS d, generate_series(1, :times) AS again WHERE d.size_bytes > 0
 """
 # Of the first copy, whose drives have logs.
-_OWN_PASSES = text("SELECT count(*) FROM drive_passes")
+_OWN_PASSES = text(
+    "SELECT count(*) FROM drive_passes JOIN drives AS d ON d.id = drive_id WHERE d.size_bytes > 0"
+)
 _CELLS = text("SELECT DISTINCT cell FROM segments")
 _BYTES = text("SELECT pg_database_size(current_database())")
 _COUNTS = {
@@ -88,12 +90,17 @@ def _statements() -> list[str]:
 
 
 def grow(sessions: Sessions, segments: int, passes: int) -> None:
-    """Copy what a service has made of some drives until there are so many segments and passes, about."""
+    """Copy what a service has made of some drives until there are so many segments and passes, about.
+
+    Copies that are there stay; where all are nothing is done.
+    """
     with sessions() as session:
-        every = copies(session, segments)
+        every, there = copies(session, segments), copies_there(session)
         own = session.execute(_OWN_PASSES).scalar_one()
     times = max(round(passes / (len(every) + 1) / own), 1)
-    for copy in every:
+    if there >= len(every):
+        return
+    for copy in every[there:]:
         show_progress(f"copy {copy.number} of {len(every)}")
         with sessions.begin() as session:
             session.execute(text("SET LOCAL synchronous_commit = off"))

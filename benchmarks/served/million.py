@@ -22,7 +22,11 @@ TILE_DEG = 360 / 2**10
 NUMBERS = 10**12
 """Between the ways and nodes of two copies."""
 
-_EXTENT = text("SELECT count(*), min(ST_XMin(geom)), max(ST_XMax(geom)) FROM segments")
+# Of the original.
+_EXTENT = text(
+    "SELECT count(*), min(ST_XMin(geom)), max(ST_XMax(geom)) FROM segments WHERE osm_way_id < :numbers"
+)
+_COPIES = text("SELECT max(osm_way_id) / :numbers FROM segments")
 _COPY = text(
     """
     INSERT INTO segments (osm_way_id, from_node, to_node, geom, geom_3857, length_m, highway, name, oneway, bridge,
@@ -78,11 +82,16 @@ class Copy(NamedTuple):
 
 
 def copies(session: Session, segments: int) -> list[Copy]:
-    """Those that make so many segments of the ones that are there."""
-    there, west, east = session.execute(_EXTENT).one()
+    """Those that make so many segments of the first ones."""
+    there, west, east = session.execute(_EXTENT, {"numbers": NUMBERS}).one()
     apart = math.ceil((east - west) / TILE_DEG + 1e-9) * TILE_DEG
     numbers = range(1, math.ceil(segments / there))
     return [Copy(n, n * apart, min(there, segments - n * there)) for n in numbers]
+
+
+def copies_there(session: Session) -> int:
+    """The number of the last copy; 0: there is none."""
+    return int(session.execute(_COPIES, {"numbers": NUMBERS}).scalar_one())
 
 
 def copy_roads(session: Session, copy: Copy) -> None:
