@@ -59,6 +59,7 @@ SQL_PLACES = {
         "exports/source.py",
         "exports/store.py",
         "jobs/computations.py",
+        "jobs/ended.py",
         "jobs/requests/store.py",
         "map/derived/following.py",
         "map/derived/drawn_store.py",

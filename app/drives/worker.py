@@ -33,6 +33,7 @@ from app.drives.process import give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.trials.run import TRIAL
 from app.exports.run import EXPORT
+from app.jobs import ended
 from app.jobs.context import JobContext
 from app.jobs.memory import limit_growth
 from app.jobs.requests import upkeep
@@ -227,6 +228,11 @@ def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[
         ),
         (partial(_release_when_due, context), "the next edition could not be asked for", RENEW_EVERY_S),
         (ledger.fold, "counters could not be added up", FOLD_AFTER_S / 4),
+        (
+            ended.EndedJobs(sessions, context.settings.jobs_kept_days).piece,
+            "jobs that ended long ago could not be removed",
+            ended.LOOK_EVERY_S,
+        ),
         (partial(_sweep, context), "unused files could not be removed", SWEEP_EVERY_S),
     ]
     for kind in REQUESTS:
