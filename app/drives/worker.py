@@ -14,6 +14,7 @@ from datetime import timedelta
 from functools import partial
 from typing import Any
 
+from app.access import quotas
 from app.changes import store as changes
 from app.changes.store import begin_epoch
 from app.changes.webhooks import telling
@@ -26,6 +27,7 @@ from app.core.telemetry import audit
 from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
 from app.drives import claims, intake, publishing
 from app.drives.batches import enqueuing
+from app.drives.batches import store as batches
 from app.drives.batches.removing import removing_task
 from app.drives.batches.touched import queue_touched
 from app.drives.person import removal, retention
@@ -262,6 +264,8 @@ def _sweep(context: JobContext) -> None:
     telling.prune(context.sessions)
     with context.sessions.begin() as session:
         audit.prune(session)
+        for forget in (batches.forget_old, quotas.forget_use):
+            forget(session, 86400.0 * settings.history_kept_days)
     for kind in REQUESTS:
         if files := upkeep.sweep_files(kind, context):
             logger.info("removed %d files that no %s refers to", len(files), kind.store.name)
