@@ -63,6 +63,7 @@ SQL_PLACES = {
         "jobs/requests/store.py",
         "map/derived/following.py",
         "map/derived/drawn_store.py",
+        "map/derived/waiting.py",
         "map/heights/store.py",
         "map/items/store.py",
         "map/store.py",
