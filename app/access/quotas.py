@@ -49,6 +49,7 @@ _STANDING = text(f"""
     SELECT {", ".join(f"o.quota_{kind}, coalesce(u.{kind}, 0) AS {kind}" for kind in KINDS)}
     FROM owners AS o LEFT JOIN owner_use AS u ON u.owner_id = o.id AND u.day = :day WHERE o.id = :owner_id
 """)  # noqa: S608 - constants
+_FORGET = text("DELETE FROM owner_use WHERE day < CAST(now() - make_interval(secs => :age_s) AS date)")
 _SET = text(f"""
     UPDATE owners SET {", ".join(f"quota_{kind} = :{kind}" for kind in KINDS)} WHERE id = :owner_id
 """)  # noqa: S608 - constants
@@ -174,6 +175,11 @@ def count_records(session: Session, owner_id: int, day: date, records: int) -> N
     The owner's uploads wait until the transaction ends.
     """
     _add(session, owner_id, day, {"records": records})
+
+
+def forget_use(session: Session, age_s: float) -> None:
+    """Forget what owners uploaded on days of so long ago."""
+    session.execute(_FORGET, {"age_s": age_s})
 
 
 def standing(session: Session, settings: Settings, owner_id: int, now: datetime) -> Standing:

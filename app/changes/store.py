@@ -33,6 +33,7 @@ ANEW = "Read everything anew: GET /v1/changes without since gives the version to
 
 MOST_AT_ONCE = 10_000
 """Changes that a question numbers anew by itself; more are for a worker."""
+PRUNED_AT_ONCE = 5000
 
 _PARSED = re.compile(r"([a-z0-9]{10})-([0-9]{1,18})(?:\.([0-9]{1,18}))?", re.ASCII)
 _LETTERS = "abcdefghijklmnopqrstuvwxyz234567"
@@ -237,7 +238,7 @@ _PRUNE = text("""
         SELECT segment_id, xid, gone FROM segment_changes
         WHERE (gone OR was IS NOT NULL) AND changed_at < clock_timestamp() - make_interval(secs => :age_s)
             AND (xid, segment_id) <= (SELECT xid, segment_id FROM derived_upto)
-        ORDER BY segment_id FOR UPDATE SKIP LOCKED
+        ORDER BY changed_at LIMIT :piece FOR UPDATE SKIP LOCKED
     ), gone AS (
         DELETE FROM segment_changes AS c USING old WHERE c.segment_id = old.segment_id AND old.gone
     ), moved AS (
@@ -300,8 +301,13 @@ def count_since(
 
 def prune(sessions: Sessions, kept_days: float) -> int:
     """Tell no more of what went, or moved, so long ago; of how many segments. Versions of before are refused then."""
-    with sessions.begin() as session:
-        return int(session.execute(_PRUNE, {"age_s": 86400.0 * kept_days}).scalar() or 0)
+    values = {"age_s": 86400.0 * kept_days, "piece": PRUNED_AT_ONCE}
+    count, pruned = 0, PRUNED_AT_ONCE
+    while pruned == PRUNED_AT_ONCE:  # a country may have gone
+        with sessions.begin() as session:
+            pruned = int(session.execute(_PRUNE, values).scalar() or 0)
+        count += pruned
+    return count
 
 
 def _rows(

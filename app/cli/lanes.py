@@ -147,7 +147,12 @@ class Lanes(Children):
             begin_tracing(self.settings, process)
             wakes, _ = self.wakes[number - 1]
             again = run_worker(
-                self.settings, with_chores=number == 1, process=process, renewed=True, wakes=wakes
+                self.settings,
+                with_chores=number == 1,
+                derives=number == 2,  # two lanes of a machine do at most
+                process=process,
+                renewed=True,
+                wakes=wakes,
             )
             end_tracing()
             return BEGIN_ANEW if again else 0

@@ -31,6 +31,29 @@ _APPLIED = "SELECT name FROM queue_migrations"
 _HAS_OWNERS = "SELECT to_regclass('owners') IS NOT NULL"
 _HAS_RECORD = "SELECT to_regclass('queue_migrations') IS NOT NULL"
 _RECORD = "INSERT INTO queue_migrations (name) VALUES (%s) ON CONFLICT DO NOTHING"
+# Jobs name the worker that has them by a foreign key, which is set to NULL where the worker goes. The queue (release
+# 3.10) leaves it to jobs that ended, and has an index on it of running ones alone: whenever a worker ended or fell
+# silent all jobs were read and its own written anew, 20 s at three million (procrastinate-org/procrastinate, issue
+# 1454, open). So jobs that do not run name none, and there is an index of those that do. It comes last: where it is,
+# nothing is left to do. While it is made no job can be written, for a second with three million of them.
+_NAMES_FEW = "SELECT to_regclass('ix_procrastinate_jobs_worker_id') IS NOT NULL"
+_NAME_FEW = (
+    "UPDATE procrastinate_jobs SET worker_id = NULL WHERE worker_id IS NOT NULL AND status <> 'doing'",
+    """
+    CREATE OR REPLACE FUNCTION procrastinate_versant_forget_worker() RETURNS trigger LANGUAGE plpgsql AS $$
+    BEGIN
+        IF NEW.status <> 'doing' THEN NEW.worker_id := NULL; END IF;
+        RETURN NEW;
+    END $$
+    """,
+    # Of no column in particular: the queue's own files could not change it then.
+    """
+    CREATE OR REPLACE TRIGGER procrastinate_versant_forget_worker BEFORE UPDATE ON procrastinate_jobs
+    FOR EACH ROW EXECUTE FUNCTION procrastinate_versant_forget_worker()
+    """,
+    "CREATE INDEX ix_procrastinate_jobs_worker_id ON procrastinate_jobs (worker_id) WHERE worker_id IS NOT NULL",
+)
+
 _ROLE = """
     DO $$ BEGIN
         IF NOT EXISTS (SELECT FROM pg_roles WHERE rolname = '{role}') THEN CREATE ROLE {role} NOLOGIN; END IF;
@@ -152,6 +175,7 @@ def comment_on_queue(connection: psycopg.Connection[Any], last: str) -> None:
 def bring_queue_up(url: str, *, finish: bool) -> list[str]:
     """Apply what is missing of the queue's schema, a transaction for each file; returns the files' names.
 
+    What the project adds to it (``_NAME_FEW``) is made once.
     Files that take away what older programs need (their names say "post") wait for ``finish``.
     """
     with psycopg.connect(libpq_url(url), autocommit=True) as connection:
@@ -164,6 +188,9 @@ def bring_queue_up(url: str, *, finish: bool) -> list[str]:
                 script = (Path(SchemaManager.get_migrations_path()) / name).read_bytes()
                 connection.execute(script)
                 connection.execute(_RECORD, (name,))
+        if not (connection.execute(_NAMES_FEW).fetchone() or (False,))[0]:
+            for statement in _NAME_FEW:
+                connection.execute(statement)
     return missing
 
 

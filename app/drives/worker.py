@@ -14,6 +14,7 @@ from datetime import timedelta
 from functools import partial
 from typing import Any
 
+from app.access import quotas
 from app.changes import store as changes
 from app.changes.store import begin_epoch
 from app.changes.webhooks import telling
@@ -26,6 +27,7 @@ from app.core.telemetry import audit
 from app.core.telemetry.ledger import FOLD_AFTER_S, WRITE_EVERY_S, Ledger, counting
 from app.drives import claims, intake, publishing
 from app.drives.batches import enqueuing
+from app.drives.batches import store as batches
 from app.drives.batches.removing import removing_task
 from app.drives.batches.touched import queue_touched
 from app.drives.person import removal, retention
@@ -33,6 +35,7 @@ from app.drives.process import give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
 from app.drives.trials.run import TRIAL
 from app.exports.run import EXPORT
+from app.jobs import ended
 from app.jobs.context import JobContext
 from app.jobs.memory import limit_growth
 from app.jobs.requests import upkeep
@@ -85,6 +88,7 @@ def run_worker(
     wait: bool = True,
     stop_event: threading.Event | None = None,
     with_chores: bool = True,
+    derives: bool = False,
     process: str = "worker",
     renewed: bool = False,
     wakes: int | None = None,
@@ -94,10 +98,11 @@ def run_worker(
     With ``wait=False`` it returns as soon as the queue is empty and what follows from it is derived. May run in any
     thread. Asked to stop it ends within ``settings.grace_s``; in the main thread whatever its drive does, for then the
     process is taken to be its own.
-    Without ``with_chores`` another worker of this machine sees to what is done beside the drives. What it counts is
-    written under the name ``process``. ``renewed``: another process takes the place of this one when it ends; it may
-    take so much memory as the settings say, and returns True where it ended for having grown. ``wakes``: the end of a
-    pipe by which the machine's listener tells of jobs; without one it asks for them every second.
+    Without ``with_chores`` another worker of this machine sees to what is done beside the drives, all but what this one
+    ``derives`` as well. What it counts is written under the name ``process``. ``renewed``: another process takes the
+    place of this one when it ends; it may take so much memory as the settings say, and returns True where it ended for
+    having grown. ``wakes``: the end of a pipe by which the machine's listener tells of jobs; without one it asks for
+    them every second.
     """
     if settings.database_url is None:
         raise ValueError("the worker needs settings.database_url")
@@ -118,7 +123,11 @@ def run_worker(
             closing(Teller(context.sessions, settings)) as teller,
         ):
             written = in_thread(ledger.write, "what was counted could not be written")
+            deriver = publishing.Deriver(context.sessions)
+            deriving = in_thread(deriver.piece, "ways and low zooms could not follow the segments")
             chores = _chores(context, ledger, teller) if with_chores else ()
+            if with_chores or derives:
+                chores = (*chores, (deriving, DERIVE_LOOK_EVERY_S))
             again = worker.run(
                 ((written, WRITE_EVERY_S), *chores), wait=wait, stop_event=stop_event, renewed=renewed
             )
@@ -191,7 +200,7 @@ def _solver_task(context: JobContext) -> Task:
 def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[Chore, float], ...]:
     """What is done beside the drives, and how often, s."""
     sessions, blobs = context.sessions, context.blobs
-    heights, deriver = HeightFiller(sessions, context.dem_dir), publishing.Deriver(sessions)
+    heights = HeightFiller(sessions, context.dem_dir)
     chores: list[tuple[Callable[[], bool | None], str, float]] = [
         (partial(begin_epoch, sessions), "changes could not be numbered anew", EPOCH_LOOK_EVERY_S),
         (
@@ -200,7 +209,6 @@ def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[
             PUBLISH_LOOK_EVERY_S,
         ),
         (teller.look, "webhooks could not be called", telling.LOOK_EVERY_S),
-        (deriver.piece, "ways and low zooms could not follow the segments", DERIVE_LOOK_EVERY_S),
         (partial(publishing.settle_quietly, sessions), "no cell could be settled", SETTLE_LOOK_EVERY_S),
         (partial(renew, sessions), "what an update left could not be done", RENEW_EVERY_S),
         (partial(enqueuing.tend, sessions), "batches could not be continued", enqueuing.TEND_EVERY_S),
@@ -227,6 +235,11 @@ def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[
         ),
         (partial(_release_when_due, context), "the next edition could not be asked for", RENEW_EVERY_S),
         (ledger.fold, "counters could not be added up", FOLD_AFTER_S / 4),
+        (
+            ended.EndedJobs(sessions, context.settings.jobs_kept_days).piece,
+            "jobs that ended long ago could not be removed",
+            ended.LOOK_EVERY_S,
+        ),
         (partial(_sweep, context), "unused files could not be removed", SWEEP_EVERY_S),
     ]
     for kind in REQUESTS:
@@ -256,6 +269,8 @@ def _sweep(context: JobContext) -> None:
     telling.prune(context.sessions)
     with context.sessions.begin() as session:
         audit.prune(session)
+        for forget in (batches.forget_old, quotas.forget_use):
+            forget(session, 86400.0 * settings.history_kept_days)
     for kind in REQUESTS:
         if files := upkeep.sweep_files(kind, context):
             logger.info("removed %d files that no %s refers to", len(files), kind.store.name)

@@ -99,6 +99,9 @@ def releasing_alone(sessions: Sessions) -> AbstractContextManager[Claim | None]:
     return alone(sessions, "edition")
 
 
-def deriving_alone(sessions: Sessions) -> AbstractContextManager[Claim | None]:
-    """None where somebody else derives. What is written does not depend on it: who comes too late writes nothing."""
-    return alone(sessions, "deriving")
+def deriving_claim(sessions: Sessions) -> Claim:
+    """The whole: of who follows changes of segments; other keys: of tiles that are drawn (``app.map.derived.waiting``).
+
+    What is written does not depend on it: who comes too late writes nothing.
+    """
+    return Claim(sessions, "deriving")

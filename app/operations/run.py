@@ -312,6 +312,6 @@ OPERATION = RequestKind(
     folder="operations",
     files=IMPORTS,
     undisturbed_s=lambda yields: SLICE_S * (2**yields - 1),
-    expire=store.forget_plans,
+    expire=store.forget,
 )
 """What a worker does for operations."""

@@ -49,6 +49,12 @@ _FORGET_PLANS = text("""
           WHERE status = 'planned' AND planned_at < now() - :age FOR UPDATE SKIP LOCKED) AS was
     WHERE o.id = was.id RETURNING was.blob_key
 """)
+# In the order in which they were asked for, by its index: few that were asked for so long ago are there.
+_FORGET_ENDED = text("""
+    DELETE FROM operations WHERE status IN ('done', 'failed', 'cancelled')
+        AND created_at < now() - make_interval(secs => :age_s)
+        AND finished_at < now() - make_interval(secs => :age_s)
+""")
 
 
 def require_place(session: Session, size_bytes: int, kept_bytes: int) -> None:
@@ -115,6 +121,10 @@ def cancel(session: Session, number: uuid.UUID) -> tuple[Operation, str | None] 
     return None if cancelled is None else (cancelled, operation.blob_key)
 
 
-def forget_plans(session: Session, _settings: Settings) -> list[str | None]:
-    """Cancel what has been planned for long and nobody wanted; of each the file, which nobody wants now."""
+def forget(session: Session, settings: Settings) -> list[str | None]:
+    """Cancel what has been planned for long and nobody wanted; of each the file, which nobody wants now.
+
+    What ended very long ago goes.
+    """
+    session.execute(_FORGET_ENDED, {"age_s": 86400.0 * settings.history_kept_days})
     return list(session.execute(_FORGET_PLANS, {"age": PLAN_KEPT}).scalars())

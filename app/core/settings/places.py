@@ -108,6 +108,12 @@ class Places(BaseSettings):
 
     changes_kept_days: float = Field(90.0, ge=1)
     """Days for which removed segments are told to who follows changes; older versions get a 410."""
+    jobs_kept_days: float = Field(30.0, ge=1)
+    """Days for which a job of the queue that failed or was cancelled is kept, for who looks into the database: drives
+    and operations say themselves what became of them."""
+    history_kept_days: float = Field(400.0, ge=31)
+    """Days for which it is kept what was asked for and is over: operations, batches that no drive names any more, and
+    what owners uploaded on each day."""
 
     @property
     def session_url(self) -> str | None:

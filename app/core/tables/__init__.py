@@ -254,6 +254,7 @@ class Drive(Followed, Owned, Base):
             **where("finished_at IS NOT NULL"),
         ),
         sa.Index(None, "duplicate_of", **where("duplicate_of IS NOT NULL")),
+        sa.Index(None, "batch_id", **where("batch_id IS NOT NULL")),
         # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
         sa.Index(None, "drive_time", "created_at", "id"),
         sa.Index(None, "distance_m", "created_at", "id"),

@@ -107,7 +107,7 @@ class DerivedUpTo(OneRow, Base):
     """The last change that was followed, in the order of (xid, segment_id)."""
     segment_id: Mapped[int] = mapped_column(sa.BigInteger)
     turn: Mapped[int] = mapped_column(sa.BigInteger)
-    """Raised by whoever writes what is derived: of two who read the same one comes too late, and writes nothing."""
+    """Raised by whoever follows changes: of two who read the same one comes too late, and writes nothing."""
     written_xid: Mapped[int] = mapped_column(sa.BigInteger)
     """The transaction that wrote the row, which the row itself knows too: a dump that was brought in did not."""
 
@@ -126,7 +126,10 @@ class DerivedSegment(Base):
 
 
 class CellToDraw(Base):
-    """A cell of a level whose pieces are to be derived anew."""
+    """A cell of a level whose pieces are to be derived anew; one of the finest level together with its block.
+
+    Who asks for it anew writes the row anew (``app.map.derived.waiting``).
+    """
 
     __tablename__ = "cells_to_draw"
 

@@ -138,6 +138,12 @@ _UNDER_WAY = """
 """
 _COUNTS_UNDER_WAY = text(_COUNTS.format(of_batch="") + _UNDER_WAY)
 
+# What is still to be put into the queue, or was asked for so recently, is not over; a drive names its last batch.
+_FORGET = text("""
+    DELETE FROM batches AS b WHERE state <> 'enqueuing' AND asked_at < now() - make_interval(secs => :age_s)
+        AND NOT EXISTS (SELECT FROM drives AS d WHERE d.batch_id = b.id)
+""")
+
 # Rows of one kind become one. Two who do so at once take different rows, or the second none.
 _FOLD_COUNTS = text("""
     WITH gone AS (DELETE FROM drive_counts WHERE (SELECT count(*) FROM drive_counts) > :most_rows RETURNING *)
@@ -295,6 +301,11 @@ def adopt_piece(session: Session, before: Adopted | None = None) -> Adopted | No
         _ADOPT, {**values, "renewal": RENEWAL, "task": TASK, "piece": PIECE_DRIVES}
     ).one_or_none()
     return None if row is None else Adopted(*row)
+
+
+def forget_old(session: Session, age_s: float) -> None:
+    """Forget batches of so long ago that no drive names any more: all were asked for anew since, or are removed."""
+    session.execute(_FORGET, {"age_s": age_s})
 
 
 def fold_counts(session: Session, most_rows: int) -> None:

@@ -1,10 +1,10 @@
 """Ways and drawn pieces follow the changes of segments: what changed is derived anew, and nothing else.
 
 Segments are changed by whoever changes them, and triggers note which (``SegmentChange``). Nobody who does waits for
-what is derived: a worker follows a moment later, in pieces. Each reads one snapshot, computes outside of any lock, and
+what is derived: workers follow a moment later, in pieces. Each reads one snapshot, computes outside of any lock, and
 writes in one short transaction what came of it together with how far it is; it may die at any moment. First come the
-changes: the ways they belong to are made anew, and their cells are noted; then the tiles of each level, the finest
-first.
+changes, which one lane at a time follows: the ways they belong to are made anew, and their cells are noted. The tiles
+of each level, the finest first, are drawn by as many lanes as there are, each another one (``waiting``).
 
 A change is followed once no transaction is left that may still write one below it: a snapshot has seen all of those
 whose number is below its ``pg_snapshot_xmin``. Changes are followed in the order of (xid, segment_id), so none is left
@@ -26,11 +26,12 @@ from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
+from app.core.claims import Claim
 from app.core.db import Sessions
-from app.map.derived import drawn_store
-from app.map.derived.drawing import ABOVE, BLOCK, FINEST, children, parent
+from app.map.derived import drawn_store, waiting
+from app.map.derived.drawing import ABOVE, BLOCK, FINEST, parent
 from app.map.derived.way_store import rows_of, segments_of, write_ways
-from app.network.locks import deriving_alone
+from app.network.locks import deriving_claim
 from app.network.swap import snapshot
 
 # One statement, one snapshot; each part is a look at one entry of an index: asked whether there is any change, the
@@ -78,25 +79,6 @@ _FROM_ELSEWHERE = text("""
 """)
 _FROM_THE_START = text("UPDATE derived_upto SET xid = 0, segment_id = 0")
 
-_TO_DRAW = text("""
-    INSERT INTO cells_to_draw (level, cell, since)
-    SELECT :level, cell, clock_timestamp() FROM unnest(CAST(:tiles AS integer[])) AS cell
-    ON CONFLICT (level, cell) DO NOTHING
-""")
-_IS_DRAWN = text("DELETE FROM cells_to_draw WHERE level = :level AND cell = ANY(CAST(:tiles AS integer[]))")
-
-# The finest first, for others are made of them; but none waits for ever while changes come.
-_NEXT = text("""
-    SELECT level, cell FROM cells_to_draw
-    ORDER BY level < :block AND since < clock_timestamp() - make_interval(secs => :long_s) DESC, level DESC, since,
-             cell
-    LIMIT 1
-""")
-_WAITING_IN = text("""
-    SELECT cell FROM cells_to_draw
-    WHERE level = :level AND cell = ANY(CAST(:tiles AS integer[])) ORDER BY cell
-""")
-
 
 class Moment(NamedTuple):
     """One look: how far changes are followed, and whether there is anything to do."""
@@ -139,8 +121,7 @@ def look(session: Session, long_s: float) -> Moment:
 
 
 def take_turn(session: Session, moment: Moment) -> bool:
-    """Keep others who derive out of what is left of the transaction, which waits for nobody; False: one has written."""
-    session.execute(_SHORT_WAITS)
+    """Keep others who follow out of what is left of the transaction, which waits for nobody; False: one has written."""
     return bool(session.execute(_TURN, {"turn": moment.turn}).rowcount)  # type: ignore[attr-defined]
 
 
@@ -150,17 +131,11 @@ def note_followed(session: Session, changes: Collection[Change]) -> None:
     columns = {"ids": "segment_id", "ways": "way", "cells": "cell"}
     session.execute(_FOLLOWED, {k: [getattr(c, name) for c in there] for k, name in columns.items()})
     session.execute(_GONE, {"ids": [c.segment_id for c in changes if c.way is None]})
-    ask_to_draw(
+    waiting.ask_to_draw(
         session, FINEST, {cell for c in changes for cell in (c.cell, c.former_cell) if cell is not None}
     )
     last = max(changes)
     session.execute(_UP_TO, {"xid": last.xid, "segment_id": last.segment_id})
-
-
-def ask_to_draw(session: Session, level: int, tiles: Collection[int]) -> None:
-    """Let these tiles be drawn anew."""
-    if tiles:
-        session.execute(_TO_DRAW, {"level": level, "tiles": sorted(tiles)})
 
 
 logger = logging.getLogger(__name__)
@@ -177,20 +152,22 @@ _PAUSE_S = 0.03
 """Solvers hold cells for some tens of milliseconds."""
 _OTHERS_WRITE = frozenset({"55P03", "40P01"})
 
+_LOOKED_AT = 64
+"""Tiles that wait, of which a lane takes the first that nobody is drawing."""
+
 _Write = Callable[[Session], bool]
 """What a piece writes; False: others are at it just now, and nothing may be written."""
 
 
 def follow(sessions: Sessions, for_s: float = PIECE_S) -> bool:
-    """Derive what is to be for about so long; whether there is more to do. Where another is at it nothing is done."""
+    """Derive what is to be for about so long; whether there is more to do. What others are at is left to them."""
     until_s = time.monotonic() + for_s
     with sessions() as session:
         if look(session, LONG_S).idle:
             return False
-    with deriving_alone(sessions) as alone:
-        if not alone:
-            return False
-        while _piece(sessions):
+    with deriving_claim(sessions) as claim:
+        leads = bool(claim.take())
+        while _piece(sessions, claim, leads=leads):
             if time.monotonic() >= until_s:
                 return True
     return False
@@ -209,16 +186,18 @@ def follow_all(sessions: Sessions, stop: threading.Event | None = None) -> None:
             time.sleep(_PAUSE_S)
 
 
-def _piece(sessions: Sessions) -> bool:
-    """One piece; whether there was something to do and it was done."""
-    with snapshot(sessions) as session:
-        moment = look(session, LONG_S)
-        write = _next(session, moment)
+def _piece(sessions: Sessions, claim: Claim, *, leads: bool) -> bool:
+    """One piece; whether there was something to do and it was done. Who leads follows changes as well."""
+    write = _follow(sessions) if leads else None
+    if write is None:
+        write = _draw_next(sessions, claim, leads=leads)
+    if write is None and leads:  # others are drawing all that waits
+        write = _follow(sessions, tiles_first=False)
     if write is None:
         return False
     for _ in range(_TRIES):
         with suppress(_Busy):
-            _commit(sessions, moment, write)
+            _commit(sessions, write)
             return True
         time.sleep(_PAUSE_S)
     logger.debug("others were at the cells that were to be drawn again and again; later")
@@ -229,10 +208,11 @@ class _Busy(Exception):  # noqa: N818  (no error of the program)
     """Others hold what was to be written."""
 
 
-def _commit(sessions: Sessions, moment: Moment, write: _Write) -> None:
+def _commit(sessions: Sessions, write: _Write) -> None:
     try:
         with sessions.begin() as session:
-            if take_turn(session, moment) and not write(session):
+            session.execute(_SHORT_WAITS)
+            if not write(session):
                 raise _Busy
     except OperationalError as error:
         if getattr(error.orig, "sqlstate", None) in _OTHERS_WRITE:
@@ -240,15 +220,21 @@ def _commit(sessions: Sessions, moment: Moment, write: _Write) -> None:
         raise
 
 
-def _next(session: Session, moment: Moment) -> _Write | None:
-    """What the next piece has to write; None: there is nothing to do."""
-    if moment.elsewhere:
-        return partial(_take_in, moment)
-    # While changes come without end, a tile that has waited for long comes after every second piece of them.
-    if moment.changes and not (moment.waits_long and moment.turn % 2):
-        return _follow_changes(session, moment)
-    waiting = session.execute(_NEXT, {"block": BLOCK, "long_s": LONG_S}).one_or_none()
-    return None if waiting is None else _draw(session, *waiting)
+def _in_turn(moment: Moment, write: _Write, session: Session) -> bool:
+    """Unless another has followed changes meanwhile, who had lost the lead or has it now: then nothing is written."""
+    return not take_turn(session, moment) or write(session)
+
+
+def _follow(sessions: Sessions, *, tiles_first: bool = True) -> _Write | None:
+    """What the next piece of changes has to write; None: there is none, or it is the tiles' turn."""
+    with snapshot(sessions) as session:
+        moment = look(session, LONG_S)
+        if moment.elsewhere:
+            return partial(_in_turn, moment, partial(_take_in, moment))
+        # While changes come without end, a tile that has waited for long comes after every second piece of them.
+        if moment.changes and not (tiles_first and moment.waits_long and moment.turn % 2):
+            return partial(_in_turn, moment, _follow_changes(session, moment))
+    return None
 
 
 def _take_in(moment: Moment, session: Session) -> bool:
@@ -273,20 +259,32 @@ def _follow_changes(session: Session, moment: Moment) -> _Write:
     return write
 
 
-def _draw(session: Session, level: int, tile: int) -> _Write:
-    if level == FINEST:
-        block = parent(FINEST, tile)
-        inside = {"level": FINEST, "tiles": sorted(children(BLOCK, block))}
-        tiles = list(session.execute(_WAITING_IN, inside).scalars())
-        redrawn = drawn_store.draw_block(session, block, tiles)
-    else:
-        tiles, redrawn = [tile], drawn_store.draw_above(session, level, tile)
+def _draw_next(sessions: Sessions, claim: Claim, *, leads: bool) -> _Write | None:
+    """What is to be written of the next tile that nobody else is drawing; None: there is none.
+
+    While there are changes to follow, tiles are asked for anew again and again: then they are for who leads.
+    """
+    with sessions() as session:
+        if not leads and look(session, LONG_S).changes:
+            return None
+        units = waiting.next_units(session, LONG_S, _LOOKED_AT)
+    unit = next((unit for unit in units if claim.take([unit.key])), None)
+    if unit is None:
+        return None
+    with snapshot(sessions) as session:
+        moment = look(session, LONG_S)
+        asked = waiting.asked_of(session, unit)
+        if unit.level == BLOCK:
+            tiles = [one.tile for one in asked if one.level == FINEST]
+            redrawn = drawn_store.draw_block(session, unit.tile, tiles)
+        else:
+            redrawn = drawn_store.draw_above(session, unit.level, unit.tile)
 
     def write(writing: Session) -> bool:
-        writing.execute(_IS_DRAWN, {"level": level, "tiles": sorted(tiles)})
-        return _write_tiles(writing, redrawn)
+        # Else somebody was quicker, or it is drawn once more.
+        return not asked or not waiting.take_off(writing, asked) or _write_tiles(writing, redrawn)
 
-    return write
+    return partial(_in_turn, moment, write) if leads else write
 
 
 def _write_tiles(session: Session, redrawn: drawn_store.Redrawn) -> bool:
@@ -304,5 +302,5 @@ def _write_tiles(session: Session, redrawn: drawn_store.Redrawn) -> bool:
         else:
             any_of[level] = met
         if level in ABOVE:
-            ask_to_draw(session, ABOVE[level], {parent(level, tile) for tile in changed})
+            waiting.ask_to_draw(session, ABOVE[level], {parent(level, tile) for tile in changed})
     return not (exact or any_of) or drawn_store.raise_drawn(session, exact, any_of)

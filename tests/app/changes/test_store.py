@@ -172,7 +172,10 @@ def test_versions_are_texts_and_other_texts_are_none(mapped: Sessions) -> None:
                 store.parse_since(now, gone)
 
 
-def test_what_went_long_ago_is_told_no_more_and_who_would_miss_it_begins_anew(mapped: Sessions) -> None:
+def test_what_went_long_ago_is_told_no_more_and_who_would_miss_it_begins_anew(
+    mapped: Sessions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store, "PRUNED_AT_ONCE", 1)
     first = here(mapped)
     with mapped.begin() as session:
         session.execute(text("DELETE FROM segments WHERE id = 40"))

@@ -312,7 +312,8 @@ def test_a_backup_of_the_schema_before_the_plain_names_is_migrated(
             (first.id, None),
             (second.id, first.id),
         ]
-        assert session.execute(text("SELECT level, cell FROM cells_to_draw")).all() == [(12, 5)]
+        waiting = session.execute(text("SELECT level, cell FROM cells_to_draw ORDER BY level DESC"))
+        assert waiting.all() == [(12, 5), (10, 1)]  # with its block
         (webhook,) = list_webhooks(session)
     assert (webhook.reported_version, webhook.active) == ("v.7", False)
     migrate.check(str(where.database_url))

@@ -117,7 +117,7 @@ class World:
                 patch.setattr(following.drawn_store, name, die)
             following.follow(self.sessions, 0.0)
             if name:  # and while it follows changes
-                patch.setattr(following, "ask_to_draw", die)
+                patch.setattr(following.waiting, "ask_to_draw", die)
                 following.follow(self.sessions, 0.0)
 
 
