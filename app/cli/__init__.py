@@ -91,6 +91,10 @@ COMMANDS = {
         "app.batch.command",
         "Fuse archives of logs into segment slopes, without a server or a database.",
     ),
+    "import-batch": Command(
+        "app.batch.command",
+        "Bring the drives of a batch into a service, as if their logs had been uploaded.",
+    ),
     "track": Command(
         "app.cli.track", "Write the positions of logs, with their heights and stated accuracies."
     ),
