@@ -209,3 +209,40 @@ def _tell_brought(brought: Brought, console: Console, dry_run: bool) -> None:
         typer.echo(f"{brought.without_log:,} {are} in without their logs.")
     if brought.number is not None:
         typer.echo(f"All of it is import {brought.number}; --undo removes it.")
+
+
+@app.command("export-logs")
+def export_logs(
+    ctx: typer.Context,
+    folder: Path = cli.arg(
+        "Where to: an empty folder, or one that this command has filled.", metavar="FOLDER", file_okay=False
+    ),
+    owner: str | None = cli.opt("Only logs of this owner.", metavar="NAME"),
+    data_dir: Path | None = cli.DATA_DIR,
+    json_file: Path | None = cli.JSON_FILE,
+) -> None:
+    """Write the logs of a service as an archive that `versant batch` reads: a folder for each owner.
+
+    The same folder again gets what is new, and loses what was removed since; cut off, it goes on. The service goes on
+    meanwhile. Exit status 1 if a log is missing or damaged.
+    """
+    from app.batch import logs_out
+    from app.cli.database import sessions
+    from app.cli.keys.finding import the_owner
+    from app.core.blobs import BlobStore
+
+    console: Console = ctx.obj
+    with sessions(data_dir) as (settings, factory), console.progress() as bars:
+        with factory() as session:
+            owner_id = None if owner is None else the_owner(session, owner).id
+        blobs = BlobStore(settings.blob_store_url)
+        found = logs_out.export_logs(factory, blobs, folder.absolute(), owner_id, bars)
+    for drive, why in found.left_out.items():
+        console.complain(f"Drive {drive}: {why}")
+    typer.echo(
+        f"{folder}: {found.logs.total():,} logs of {len(found.logs):,} owners, {found.new:,} of them new; "
+        f"{found.removed:,} removed."
+    )
+    write_json(json_file, vars(found))
+    if found.left_out:
+        raise typer.Exit(1)
