@@ -3,20 +3,62 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from app.batch.errors import BatchError
-from app.batch.folder import LAYOUT, BatchFolder
-from app.batch.inputs import Input, read_inputs
+from app.batch.folder import LAYOUT, BatchFolder, write_table
 from app.batch.kept import KeptDrive, read_kept
+from app.batch.listing import Log
+from app.batch.locating import Located
 from app.batch.places import place_of_name
 from app.batch.roads import PlacedRoads
 from fusion.pipeline import parse_options
+
+INPUTS = pa.schema(
+    {
+        "log": pa.string(), "bytes": pa.int64(), "sha256": pa.string(), "address": pa.string(), "member": pa.string(),
+        "stamp": pa.string(), "group": pa.string(),
+    }
+)  # fmt: skip
+"""One row a log; ``group`` is unknown where it was not fused: it cannot be read, or is the same as another."""
+
+
+class Input(NamedTuple):
+    """A log, what its bytes were, and its group."""
+
+    log: Log
+    sha256: str
+    group: str
+
+
+def write_inputs(
+    folder: BatchFolder, located: Iterable[Located], groups: Iterable[tuple[str, Sequence[Log]]]
+) -> None:
+    """Write them in the order of ``groups``: the key of each, and its logs."""
+    group_of = {log: key for key, logs in groups for log in logs}
+    number_of = {key: number for number, key in enumerate(dict.fromkeys(group_of.values()))}
+    rows = [
+        (one.log.name, one.log.size, one.sha256, one.log.address, one.log.member, one.log.stamp, group_of.get(one.log))
+        for one in located
+    ]  # fmt: skip
+    rows.sort(key=lambda row: number_of.get(row[-1] or "", len(number_of)))
+    columns = [[row[k] for row in rows] for k in range(len(INPUTS.names))]
+    write_table(folder.inputs, pa.table(dict(zip(INPUTS.names, columns, strict=True)), schema=INPUTS))
+
+
+def read_inputs(folder: BatchFolder) -> list[Input]:
+    """Those that were fused, whatever came of it."""
+    return [
+        Input(Log(row["address"], row["member"], row["bytes"], row["stamp"]), row["sha256"], row["group"])
+        for row in pq.read_table(folder.inputs, use_threads=False).to_pylist()
+        if row["group"] is not None
+    ]
 
 
 @dataclass(frozen=True)

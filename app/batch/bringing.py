@@ -13,22 +13,18 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from sqlalchemy.orm import Session
 
-from app.batch.archive import Archive
+from app.batch.archive import Archive, Input
 from app.batch.errors import BatchError
-from app.batch.inputs import Input
 from app.batch.kept import KeptDrive, ground_under, over
-from app.batch.opened import digest, opened
+from app.batch.logs_in import lost_blob, not_reached, stored
 from app.batch.run import Shown
-from app.core.blobs import LOGS, StoredBlob
+from app.core.blobs import StoredBlob
 from app.core.errors import StorageFullError
-from app.core.filesystems import file_system
-from app.core.receiving.body import Piece
 from app.core.telemetry import audit
 from app.core.version import code_version
 from app.drives import claims, publishing, queue
@@ -42,8 +38,6 @@ from app.drives.intake import register_upload
 from app.drives.method_choice import check_options
 from app.drives.person.store import DueLog, note_deleted
 from app.drives.process import write_result
-from app.drives.receiving.first_look import FirstLook
-from app.drives.receiving.upload_bundle import COPY_BYTES, UploadBundle
 from app.jobs.context import JobContext
 from app.network.results import in_database
 from app.network.solve import lag_among_all
@@ -100,7 +94,7 @@ def bring(context: JobContext, archive: Archive, asked: Asked, shown: Shown) -> 
     check_options(archive.method, archive.options)
     brought = Brought(failed=archive.failed)
     new = _not_there(context, archive, brought)
-    missing = _missing(new, shown.count("looking for logs", len(new)))
+    missing = not_reached(new, shown.count("looking for logs", len(new)))
     if missing and not (asked.without_logs or asked.dry_run):
         raise BatchError(
             f"{len(missing):,} of {len(new):,} logs are not where the batch read them, the first: "
@@ -152,21 +146,6 @@ def _not_there(context: JobContext, archive: Archive, brought: Brought) -> list[
     return new
 
 
-def _missing(inputs: Sequence[Input], bar: Callable[[int], None]) -> list[Input]:
-    """Those whose files are not there; each file is looked for once."""
-    there: dict[str, bool] = {}
-    missing = []
-    for one in inputs:
-        address = one.log.address
-        if address not in there:
-            fs, path = file_system(address)
-            there[address] = bool(fs.exists(path))
-        if not there[address]:
-            missing.append(one)
-        bar(1)
-    return missing
-
-
 @dataclass
 class _Work:
     """Drive after drive; ``missing``: names of logs that are not reached."""
@@ -197,13 +176,15 @@ class _Work:
             return
         if not self.asked.dry_run:
             try:
-                blob, name = _lost_blob(one) if lost else self._stored(one)
+                blob = (
+                    lost_blob(one) if lost else stored(self.context, one, self.archive.options.get("columns"))
+                )
             except StorageFullError:
                 raise
             except (FusionError, OSError) as error:
                 self.brought.left_out[one.log.name] = " ".join(str(error).split())
                 return
-            if not self._registered(blob, name, kept, computed, lost):
+            if not self._registered(one, blob, kept, computed, lost):
                 self.brought.there += 1
                 return
         self.brought.without_log += lost
@@ -213,7 +194,7 @@ class _Work:
             self.brought.as_computed += 1
 
     def _registered(
-        self, blob: StoredBlob, name: str, kept: KeptDrive, computed: Computed | None, lost: bool
+        self, one: Input, blob: StoredBlob, kept: KeptDrive, computed: Computed | None, lost: bool
     ) -> bool:
         """Make it a drive, with all that it says; False: its owner has one of this content."""
         number = self.number
@@ -229,7 +210,7 @@ class _Work:
             self.context.sessions,
             self.context.blobs,
             blob,
-            filename=name,
+            filename=one.log.file_name,
             method=self.archive.method,
             options=self.archive.options,
             begin=begin,
@@ -284,39 +265,6 @@ class _Work:
             self.brought.number = number = importing.open_import(session, self.archive.name)
             audit.note(session, ORIGIN, "drives imported", f"import {number}")
         return number
-
-    def _stored(self, one: Input) -> tuple[StoredBlob, str]:
-        """The log as an upload stores it, and its name; ``BatchError`` where its bytes are others than they were."""
-        settings = self.context.settings
-        with opened(one.log) as path:
-            if digest(path) != one.sha256:
-                raise BatchError("The log has changed since the batch. Run the batch again, then this.")
-            bundle = UploadBundle(
-                self.context.blobs,
-                keep_free_bytes=settings.min_free_bytes,
-                expected_bytes=one.log.size,
-                max_content_bytes=settings.max_log_bytes,
-                look=FirstLook(self.archive.options.get("columns")),
-            )
-            try:
-                for piece in _pieces(path, one.log.file_name):
-                    bundle.take([piece])
-                return bundle.finish()
-            except BaseException:
-                bundle.discard()
-                raise
-
-
-def _pieces(path: Path, name: str) -> Iterator[Piece]:
-    with path.open("rb") as file:
-        while data := file.read(COPY_BYTES):
-            yield Piece(0, name, data)
-
-
-def _lost_blob(one: Input) -> tuple[StoredBlob, str]:
-    """Of a log that is not reached: a key under which there is nothing, as after a log's time is over."""
-    key = f"{LOGS}/{uuid.uuid4().hex}"
-    return StoredBlob(key, one.sha256, one.log.size, one.sha256), one.log.file_name
 
 
 def _same(one: RoadTable, other: RoadTable) -> bool:

@@ -12,10 +12,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from app.batch.archive import write_inputs
 from app.batch.folder import BatchFolder, key_of, remove_but, written
 from app.batch.fusing import Choices, Group
 from app.batch.hands import Hands, Job
-from app.batch.inputs import write_inputs
 from app.batch.listing import Log, list_logs
 from app.batch.locating import Located, chunks, groups
 from app.batch.opened import digest

@@ -33,6 +33,7 @@ from fusion.gnss.positioning import Positioned
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import RoadTable, rows_of
+from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Ints, Progress
 
 logger = logging.getLogger(__name__)
@@ -158,10 +159,12 @@ def compute(
         with computing():
             around = surroundings_of(context, road_boxes(positioned.log))
         run.begin("estimating")
-        with computing():
-            computed = estimate(positioned, around, asked, run.part("estimating"))
-        if save(computed):
-            return computed
+        with ExitStack() as stack:  # factors may be made anew until they are saved
+            with computing():
+                terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
+                computed = estimate(positioned, around, terrain, asked, run.part("estimating"))
+            if save(computed):
+                return computed
         tell(logger, "drive estimated again", reason="the roads were imported anew meanwhile")
     raise ProcessingError(
         f"The roads around this drive changed {MAX_ROAD_CHANGES} times while it was processed. "
@@ -199,19 +202,21 @@ def surroundings_of(context: JobContext, boxes_deg: Floats) -> Surroundings:
 
 
 def estimate(
-    positioned: Positioned, around: Surroundings, asked: Drive | Trial, progress: Progress
+    positioned: Positioned,
+    around: Surroundings,
+    terrain: Dem | None,
+    asked: Drive | Trial,
+    progress: Progress,
 ) -> Computed:
-    """The result on these roads. Writes nothing."""
-    with ExitStack() as stack:
-        terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
-        network, result = run_drive(
-            positioned,
-            around.roads.table,
-            terrain,
-            method=asked.method,
-            options=asked.options,
-            progress=progress,
-        )
+    """The result on these roads, and on this terrain, which is to be open as long as it is used. Writes nothing."""
+    network, result = run_drive(
+        positioned,
+        around.roads.table,
+        terrain,
+        method=asked.method,
+        options=asked.options,
+        progress=progress,
+    )
     ids = around.roads.ids[rows_of(around.roads.table, network.table)]
     return Computed(LogFacts.of(positioned.log), around, ids, network.table, result)
 
