@@ -88,24 +88,24 @@ class Asked(NamedTuple):
 def bring(context: JobContext, archive: Archive, asked: Asked, shown: Shown) -> Brought:
     """Bring all drives of an archive in, for the owner on whose behalf the sessions are; those that are not there yet.
 
-    Raises ``BatchError`` where logs are not reached that are wanted or another import is under way, ``NoRoadsError``
-    where there are no roads, ``BadOptionsError`` for options that no request may have, and what storage raises.
+    One import at a time: another is waited for. Raises ``BatchError`` where logs are not reached that are wanted,
+    ``NoRoadsError`` where there are no roads, ``BadOptionsError`` for options that no request may have, and what
+    storage raises.
     """
     check_options(archive.method, archive.options)
-    brought = Brought(failed=archive.failed)
-    new = _not_there(context, archive, brought)
-    missing = not_reached(new, shown.count("looking for logs", len(new)))
-    if missing and not (asked.without_logs or asked.dry_run):
-        raise BatchError(
-            f"{len(missing):,} of {len(new):,} logs are not where the batch read them, the first: "
-            f"{missing[0].log.name}. A drive without its log cannot be computed again when roads or methods change. "
-            "Make the logs reachable by these addresses (relative ones begin where the command is run), or let their "
-            "drives in without logs by --without-logs."
-        )
     with importing.import_claim(context.sessions) as claim, ExitStack() as stack:
-        if not claim.take():
+        if not claim.take():  # of one that was killed for half a minute at most
+            shown.work("waiting for another import")
+            claim.wait()
+        brought = Brought(failed=archive.failed)
+        new = _not_there(context, archive, brought)
+        missing = not_reached(new, shown.count("looking for logs", len(new)))
+        if missing and not (asked.without_logs or asked.dry_run):
             raise BatchError(
-                "Another import of drives is under way. Wait for it, and run the same command again."
+                f"{len(missing):,} of {len(new):,} logs are not where the batch read them, the first: "
+                f"{missing[0].log.name}. A drive without its log cannot be computed again when roads or methods "
+                "change. Make the logs reachable by these addresses (relative ones begin where the command is run), or "
+                "let their drives in without logs by --without-logs."
             )
         work = _Work(context, archive, asked, brought, {one.log.name for one in missing}, stack)
         bar = shown.count("drives", len(new))
