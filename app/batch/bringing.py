@@ -184,26 +184,31 @@ class _Work:
             except (FusionError, OSError) as error:
                 self.brought.left_out[one.log.name] = " ".join(str(error).split())
                 return
-            if not self._registered(one, blob, kept, computed, lost):
+            as_computed = self._registered(one, blob, kept, computed, lost)
+            if as_computed is None:
                 self.brought.there += 1
                 return
+            why = why if as_computed or why else OTHER_ROADS
         self.brought.without_log += lost
-        if computed is None:
+        if why:
             self.brought.to_compute[why] += 1
         else:
             self.brought.as_computed += 1
 
     def _registered(
         self, one: Input, blob: StoredBlob, kept: KeptDrive, computed: Computed | None, lost: bool
-    ) -> bool:
-        """Make it a drive, with all that it says; False: its owner has one of this content."""
-        number = self.number
+    ) -> bool | None:
+        """Make it a drive, and whether it says all that was computed; else a worker computes it, as where roads change
+        meanwhile. None: its owner has one of this content."""
+        number, written = self.number, False
 
         def begin(session: Session, drive: Drive) -> None:
+            nonlocal written
             importing.note_imported(session, drive.id, number, kept.records)
             if lost:
                 note_deleted(session, [DueLog(drive.id, blob.key)])
-            if computed is None or not self._written(session, drive, computed):
+            written = computed is not None and self._written(session, drive, computed)
+            if not written:
                 queue.enqueue(session, drive.id, drive.generation, queue.PROCESS_BEHIND)
 
         _, created = register_upload(
@@ -215,10 +220,10 @@ class _Work:
             options=self.archive.options,
             begin=begin,
         )
-        return created
+        return written if created else None
 
     def _written(self, session: Session, drive: Drive, computed: Computed) -> bool:
-        """Whether the roads are still the same; else a worker computes it."""
+        """Write what it says; False where the roads are not the same any more."""
         running = claims.mark_running(session, drive.id, drive.generation)
         assert running is not None  # noqa: S101 - it was made in this transaction
         every_s = self.context.settings.publish_every_s

@@ -256,6 +256,15 @@ def test_what_rests_on_something_else_is_computed(
         assert not drives_wait(session, behind=False)
 
 
+def test_roads_that_change_meanwhile_are_seen(
+    context: JobContext, archive: Archive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As workers see it: the drive is there, and waits for one of them."""
+    monkeypatch.setattr(process, "road_states", lambda *_: {})
+    assert dict(brought(context, archive).to_compute) == {OTHER_ROADS: 3}
+    assert {one.status for one in listed(context.sessions)} == {"queued"}
+
+
 def test_logs_that_are_not_reached_are_told_first(context: JobContext, made: Path, tmp_path: Path) -> None:
     """Without them drives keep what they say, and cannot be computed again; other bytes are not the batch's."""
     shutil.copytree(made / "out", tmp_path / "out")
