@@ -43,6 +43,7 @@ SQL_PLACES = {
         "core/schema.py",
         "core/telemetry/audit.py",
         "core/telemetry/ledger.py",
+        "drives/batches/importing.py",
         "drives/batches/removing_store.py",
         "drives/batches/store.py",
         "drives/queue.py",

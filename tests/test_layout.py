@@ -88,7 +88,7 @@ SERVICE = {
     },
     "web": {"core", "map"},
     "changes": {"core", "jobs", "network"},
-    "batch": {"cli", "core", "exports", "map"},
+    "batch": {"cli", "core", "drives", "exports", "jobs", "map", "network", "terrain"},
     "cli": {
         "access",
         "core",

@@ -1,4 +1,4 @@
-"""``versant batch``: archives of logs in bulk, by many processes."""
+"""``versant batch``: archives of logs in bulk, by many processes; ``import-batch``: its result for a service."""
 # ruff: noqa: PLC0415 - a command imports what it needs when it runs (see app.cli)
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from app.cli.console import Console, write_json
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
+    from app.batch.bringing import Brought
     from app.batch.run import Done
 
 app = typer.Typer(add_completion=False)
@@ -138,3 +139,110 @@ def _tell(done: Done, console: Console, report: Path) -> dict[str, Any]:
         "files": [str(path) for path in done.files],
         "report": str(report),
     }
+
+
+@app.command("import-batch")
+def import_batch(
+    ctx: typer.Context,
+    folder: Path = cli.arg("What `versant batch -o` names.", metavar="FOLDER", file_okay=False),
+    owner: str = cli.opt("Whose drives they are.", default=..., metavar="NAME"),
+    dry_run: bool = cli.flag("Say what it would do, and change nothing.", "--dry-run"),
+    without_logs: bool = cli.flag(
+        "Bring in drives whose logs are not reached, too: they keep what they say, and cannot be computed again.",
+        "--without-logs",
+    ),
+    undo: bool = cli.flag("Remove all drives that imports of this folder brought in, instead.", "--undo"),
+    data_dir: Path | None = cli.DATA_DIR,
+    json_file: Path | None = cli.JSON_FILE,
+) -> None:
+    """Bring the drives of a batch into a service, as if their logs had been uploaded.
+
+    Logs are stored, and drives taken as they were computed where the service would find the same; the workers compute
+    the others, behind uploads. What the owner has already is not brought in twice: cut off, it goes on. The service
+    goes on meanwhile. Logs that failed in the batch stay out.
+    """
+    from app.batch.archive import Archive
+    from app.batch.bringing import Asked, bring, take_back
+    from app.batch.folder import BatchFolder
+    from app.cli.database import sessions
+    from app.cli.keys.finding import the_owner
+    from app.drives.batches.importing import on_behalf_of
+    from app.jobs.context import JobContext
+
+    console: Console = ctx.obj
+    of_batch = BatchFolder(folder.absolute())
+    archive = Archive.read(of_batch)
+    with sessions(data_dir) as (settings, factory), of_batch.held(), console.progress() as bars:
+        with factory() as session:
+            owner_id = the_owner(session, owner).id
+        context = JobContext(settings, factory)
+        with on_behalf_of(factory, owner_id):
+            if undo:
+                removed = take_back(context, archive)
+            else:
+                brought = bring(context, archive, Asked(dry_run, without_logs), bars)
+    if undo:
+        typer.echo(f"{removed:,} drives are removed; the workers take back what they said.")
+        write_json(json_file, {"removed": removed})
+        return
+    _tell_brought(brought, console, dry_run)
+    write_json(json_file, {**vars(brought), "dry_run": dry_run})
+    if brought.left_out:
+        raise typer.Exit(1)
+
+
+def _tell_brought(brought: Brought, console: Console, dry_run: bool) -> None:
+    """Say what came of it."""
+    for name, why in [*brought.left_out.items()][:MOST_NAMED]:
+        console.complain(f"{name}: {why}")
+    if len(brought.left_out) > MOST_NAMED:
+        console.complain(f"{len(brought.left_out) - MOST_NAMED:,} more logs are left out.")
+    come, are = ("would come", "would be") if dry_run else ("came", "are")
+    typer.echo(
+        f"{brought.as_computed:,} drives {come} in as the batch computed them, {brought.to_compute.total():,} {are} "
+        f"computed by the workers, {brought.there:,} were there already, {len(brought.left_out):,} {are} left out; "
+        f"{brought.failed:,} logs failed in the batch."
+    )
+    for why, count in brought.to_compute.items():
+        typer.echo(f"{count:,} {are} computed by the workers because {why}.")
+    if brought.without_log:
+        typer.echo(f"{brought.without_log:,} {are} in without their logs.")
+    if brought.number is not None:
+        typer.echo(f"All of it is import {brought.number}; --undo removes it.")
+
+
+@app.command("export-logs")
+def export_logs(
+    ctx: typer.Context,
+    folder: Path = cli.arg(
+        "Where to: an empty folder, or one that this command has filled.", metavar="FOLDER", file_okay=False
+    ),
+    owner: str | None = cli.opt("Only logs of this owner.", metavar="NAME"),
+    data_dir: Path | None = cli.DATA_DIR,
+    json_file: Path | None = cli.JSON_FILE,
+) -> None:
+    """Write the logs of a service as an archive that `versant batch` reads: a folder for each owner.
+
+    The same folder again gets what is new, and loses what was removed since; cut off, it goes on. The service goes on
+    meanwhile. Exit status 1 if a log is missing or damaged.
+    """
+    from app.batch import logs_out
+    from app.cli.database import sessions
+    from app.cli.keys.finding import the_owner
+    from app.core.blobs import BlobStore
+
+    console: Console = ctx.obj
+    with sessions(data_dir) as (settings, factory), console.progress() as bars:
+        with factory() as session:
+            owner_id = None if owner is None else the_owner(session, owner).id
+        blobs = BlobStore(settings.blob_store_url)
+        found = logs_out.export_logs(factory, blobs, folder.absolute(), owner_id, bars)
+    for drive, why in found.left_out.items():
+        console.complain(f"Drive {drive}: {why}")
+    typer.echo(
+        f"{folder}: {found.logs.total():,} logs of {len(found.logs):,} owners, {found.new:,} of them new; "
+        f"{found.removed:,} removed."
+    )
+    write_json(json_file, vars(found))
+    if found.left_out:
+        raise typer.Exit(1)

@@ -18,6 +18,8 @@ from app.batch.errors import BatchError
 from app.core.text import dumps
 
 COMPRESSION = "zstd"
+LAYOUT = 2
+"""Of what is in the folder: what another made is made anew."""
 
 
 def key_of(*parts: Any) -> str:
@@ -87,6 +89,10 @@ class BatchFolder:
     def drives(self, key: str) -> Path:
         """What is known of a group's drives but what their passes say."""
         return self.path / "drives" / f"{key}.parquet"
+
+    def tracks(self, key: str) -> Path:
+        """What a service has of a group's drives besides."""
+        return self.path / "tracks" / f"{key}.parquet"
 
     @property
     def passes(self) -> Path:

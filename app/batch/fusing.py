@@ -12,7 +12,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from app.batch.folder import BatchFolder, is_settled, key_of, written
+from app.batch.folder import LAYOUT, BatchFolder, is_settled, key_of, written
+from app.batch.kept import Origin, kept_row, write_kept
 from app.batch.listing import Log
 from app.batch.opened import DIED, Reason, opened, reason_of
 from app.batch.roads import PlacedRoads
@@ -41,6 +42,7 @@ class Choices:
     def document(self) -> dict[str, Any]:
         """As JSON; where files stand has no part in it."""
         return {
+            "layout": LAYOUT,
             "version": self.version,
             "method": self.method,
             "options": self.options,
@@ -77,12 +79,14 @@ class Group:
         """Fuse each log but those whose numbers are in ``without``, which kill whoever does."""
         rows: list[dict[str, Any]] = []
         passes: list[PassRows] = []
+        kept: list[dict[str, Any]] = []
         for k, log in enumerate(self.logs):
             if k in without:
                 rows.append(_not_used(log, DIED))
                 continue
             try:
-                one, roads = fused(log, self.choices)
+                one, roads, origin = fused(log, self.choices)
+                kept.append(kept_row(k, one, origin, self.choices.terrain()))
             except Exception as error:  # whatever is wrong with a log, the others go on
                 rows.append(_not_used(log, reason_of(error)))
                 continue
@@ -90,6 +94,7 @@ class Group:
             if one.result.factors:
                 passes.append(PassRows.of(k, one, one.result.factors, roads))
         write_passes(self.folder, self.key, passes)
+        write_kept(self.folder, self.key, kept)
         # At the end: where it is there, so are the passes.
         write_drives(self.folder.drives(self.key), rows)
 
@@ -99,8 +104,8 @@ class Group:
             fused(self.logs[k], self.choices)
 
 
-def fused(log: Log, choices: Choices) -> tuple[FusedDrive, RoadTable]:
-    """One drive, and the roads that its segments count in."""
+def fused(log: Log, choices: Choices) -> tuple[FusedDrive, RoadTable, Origin]:
+    """One drive, the roads that its segments count in, and its log."""
     options = parse_options(choices.method, choices.options)
     with opened(log) as path:
         read = read_log(path, columns=options.columns)
@@ -108,7 +113,7 @@ def fused(log: Log, choices: Choices) -> tuple[FusedDrive, RoadTable]:
     roads, rows = choices.roads.near(road_boxes(located.log))
     network, result = run_drive(located, roads, choices.terrain(), method=choices.method, options=options)
     own = rows[rows_of(roads, network.table)]
-    return FusedDrive(own, result, located.log.fix.time_s), network.table
+    return FusedDrive(own, result, located.log.fix.time_s), network.table, Origin(read, located.log)
 
 
 @dataclass(frozen=True)
@@ -133,7 +138,7 @@ class Late:
         if place.is_file():
             with place.open("rb") as file:
                 return _Kept(file, self.choices).load()
-        one, _ = fused(self.log, self.choices)
+        one, _, _ = fused(self.log, self.choices)
         found = one.result.late_by, one.rows
         with written(place) as partial, partial.open("wb") as file:
             _Keeping(file, pickle.HIGHEST_PROTOCOL).dump(found)

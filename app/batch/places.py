@@ -56,6 +56,12 @@ def place_name(place: int) -> str:
     return f"{PLACE_ZOOM}-{column}-{row}"
 
 
+def place_of_name(name: str) -> int:
+    """The place that is called so."""
+    _, column, row = (int(part) for part in name.split("-"))
+    return int(interleaved(np.array(column), np.array(row)))
+
+
 def places_met(west: Floats, south: Floats, east: Floats, north: Floats) -> tuple[Ints, Ints]:
     """Which places boxes (n,) meet: the number of the box, ascending, and the place."""
     left, low = tiles(west, south, PLACE_ZOOM)

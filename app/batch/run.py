@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import pyarrow as pa
 
-from app.batch.folder import BatchFolder, key_of, remove_but, write_table, written
+from app.batch.archive import write_inputs
+from app.batch.folder import BatchFolder, key_of, remove_but, written
 from app.batch.fusing import Choices, Group
 from app.batch.hands import Hands, Job
 from app.batch.listing import Log, list_logs
@@ -101,7 +101,7 @@ def run(request: Request, folder: BatchFolder, hands: Hands, shown: Shown) -> Do
     source = SolvedSource(solution, drives.newest(), [request.roads], choices.terrain)
     files = write_outputs(hands, folder, request.formats, source, attribution(drives.rasters(solution)))
     write_report(folder, outcomes)
-    _write_manifest(request, folder, choices, located, solution)
+    _write_manifest(request, folder, choices, located, every, solution)
     _tidy(folder, {*(one.key for one in looks), *(one.key for one in every)}, choices)
     solved("one network", 1.0)
     return Done(outcomes, solution, files, source.notes)
@@ -205,13 +205,15 @@ class Drives:
 
 
 def _write_manifest(
-    request: Request, folder: BatchFolder, choices: Choices, located: Sequence[Located], solution: Solution
+    request: Request,
+    folder: BatchFolder,
+    choices: Choices,
+    located: Sequence[Located],
+    groups_done: Sequence[Group],
+    solution: Solution,
 ) -> None:
     logs = [[one.log.name, one.log.size, one.sha256] for one in located]
-    columns = zip(*logs, strict=True)
-    write_table(
-        folder.inputs, pa.table(dict(zip(("log", "bytes", "sha256"), map(list, columns), strict=True)))
-    )
+    write_inputs(folder, located, [(one.key, one.logs) for one in groups_done])
     document = {
         "choices": choices.document(),
         "logs": len(logs),
@@ -228,7 +230,7 @@ def _write_manifest(
 def _tidy(folder: BatchFolder, keys: set[str], choices: Choices) -> None:
     """Remove what former logs and options left."""
     shutil.rmtree(folder.scratch, ignore_errors=True)
-    for name in ("located", "drives", "passes"):
+    for name in ("located", "drives", "tracks", "passes"):
         below = folder.path / name
         remove_but(below, {path for path in below.rglob("*.parquet") if path.stem in keys})
     roads = choices.roads.folder

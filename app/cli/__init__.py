@@ -91,6 +91,14 @@ COMMANDS = {
         "app.batch.command",
         "Fuse archives of logs into segment slopes, without a server or a database.",
     ),
+    "import-batch": Command(
+        "app.batch.command",
+        "Bring the drives of a batch into a service, as if their logs had been uploaded.",
+    ),
+    "export-logs": Command(
+        "app.batch.command",
+        "Write the logs of a service as an archive that `versant batch` reads: a folder for each owner.",
+    ),
     "track": Command(
         "app.cli.track", "Write the positions of logs, with their heights and stated accuracies."
     ),

@@ -17,6 +17,7 @@ from app.core.telemetry.events import Stages
 from app.core.telemetry.logs import blanked, tell
 from app.core.version import code_version
 from app.drives.documents import Drive
+from app.drives.log_facts import LogFacts
 from app.drives.trials.documents import Trial
 from app.jobs.context import JobContext
 from app.jobs.memory import MORE_MEMORY
@@ -32,7 +33,8 @@ from fusion.gnss.positioning import Positioned
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import RoadTable, rows_of
-from fusion.types import DriveLog, Ints, Progress
+from fusion.terrain.dem import Dem
+from fusion.types import DriveLog, Floats, Ints, Progress
 
 logger = logging.getLogger(__name__)
 
@@ -116,7 +118,7 @@ class Surroundings:
 class Computed:
     """What came of a log: the result, the roads that it refers to, and the database's id of each of them."""
 
-    log: DriveLog
+    facts: LogFacts
     around: Surroundings
     ids: Ints
     roads: RoadTable
@@ -155,12 +157,14 @@ def compute(
     for _ in range(MAX_ROAD_CHANGES):
         run.begin("roads")
         with computing():
-            around = surroundings_of(context, positioned.log)
+            around = surroundings_of(context, road_boxes(positioned.log))
         run.begin("estimating")
-        with computing():
-            computed = estimate(positioned, around, asked, run.part("estimating"))
-        if save(computed):
-            return computed
+        with ExitStack() as stack:  # factors may be made anew until they are saved
+            with computing():
+                terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
+                computed = estimate(positioned, around, terrain, asked, run.part("estimating"))
+            if save(computed):
+                return computed
         tell(logger, "drive estimated again", reason="the roads were imported anew meanwhile")
     raise ProcessingError(
         f"The roads around this drive changed {MAX_ROAD_CHANGES} times while it was processed. "
@@ -182,8 +186,8 @@ def read_drive(
         return read_log(file, columns=columns, max_bytes=context.settings.max_log_bytes, progress=progress)
 
 
-def surroundings_of(context: JobContext, log: DriveLog) -> Surroundings:
-    """What lies around a log; ``NoRoadsError`` where there are no roads at all."""
+def surroundings_of(context: JobContext, boxes_deg: Floats) -> Surroundings:
+    """What lies around a log, in ``road_boxes`` (m, 4); ``NoRoadsError`` where there are no roads at all."""
     with context.sessions() as session:
         # One snapshot, so that the roads are those of the version that is noted beside them.
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
@@ -193,26 +197,28 @@ def surroundings_of(context: JobContext, log: DriveLog) -> Surroundings:
                 "No roads have been imported yet. Import them (`versant import-roads FILE`): then the drive is "
                 "computed by itself."
             )
-        roads = roads_in(session, road_boxes(log))
+        roads = roads_in(session, boxes_deg)
         return Surroundings(roads, version.id, dem.current_dem(session, context.dem_dir))
 
 
 def estimate(
-    positioned: Positioned, around: Surroundings, asked: Drive | Trial, progress: Progress
+    positioned: Positioned,
+    around: Surroundings,
+    terrain: Dem | None,
+    asked: Drive | Trial,
+    progress: Progress,
 ) -> Computed:
-    """The result on these roads. Writes nothing."""
-    with ExitStack() as stack:
-        terrain = None if around.dem is None else stack.enter_context(open_dem(around.dem))
-        network, result = run_drive(
-            positioned,
-            around.roads.table,
-            terrain,
-            method=asked.method,
-            options=asked.options,
-            progress=progress,
-        )
+    """The result on these roads, and on this terrain, which is to be open as long as it is used. Writes nothing."""
+    network, result = run_drive(
+        positioned,
+        around.roads.table,
+        terrain,
+        method=asked.method,
+        options=asked.options,
+        progress=progress,
+    )
     ids = around.roads.ids[rows_of(around.roads.table, network.table)]
-    return Computed(positioned.log, around, ids, network.table, result)
+    return Computed(LogFacts.of(positioned.log), around, ids, network.table, result)
 
 
 def failure_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Failure:

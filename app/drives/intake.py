@@ -34,8 +34,13 @@ LOST_COMMIT_WAIT_S = 5.0
 """Wait for a commit that was not answered: the database may still hold the broken connection."""
 
 Count = Callable[[Session, int], None]
+Begin = Callable[[Session, Drive], None]
 
 logger = logging.getLogger(__name__)
+
+
+def _enqueue(session: Session, drive: Drive) -> None:
+    queue.enqueue(session, drive.id, drive.generation)
 
 
 def register_upload(
@@ -47,9 +52,11 @@ def register_upload(
     method: str,
     options: Mapping[str, Any] | None = None,
     count: Count | None = None,
+    begin: Begin = _enqueue,
 ) -> tuple[Drive, bool]:
     """Make a stored blob a queued drive; row and job in one transaction. The flag says whether the drive is new.
-    ``count`` is told of a new one's size within that transaction, and may refuse it by an error.
+    ``count`` is told of a new one's size within that transaction, and may refuse it by an error. ``begin`` takes the
+    place of its job: whatever the drive is to have when it is there.
 
     Content that the caller's owner has already gives the drive that has it, which keeps its own blob unless that is
     lost; one whose log was deleted, because its owner keeps logs no longer, gets none by that. The new blob becomes the
@@ -57,7 +64,7 @@ def register_upload(
     ``sweep_blobs`` later removes blobs without a drive.
     """
     caller = present_caller()
-    request = _Request({"filename": filename, "method": method, "options": options or {}}, count)
+    request = _Request({"filename": filename, "method": method, "options": options or {}}, count, begin)
     try:
         check_options(method, options or {})
         with as_caller(caller.as_owner):  # a key that may only upload sees but a part of what its owner has
@@ -88,6 +95,7 @@ class _Request:
 
     columns: Mapping[str, Any]
     count: Count | None
+    begin: Begin
 
 
 class _CommitLostError(Exception):
@@ -152,7 +160,7 @@ def _create_or_heal(
             session, **stored, content_sha256=blob.content_sha256, **request.columns
         )
         if created:
-            queue.enqueue(session, drive.id, drive.generation)
+            request.begin(session, drive)
             if request.count is not None:  # last: others of the same owner wait from here to the commit
                 request.count(session, blob.size_bytes)
             return drive, True

@@ -10,10 +10,9 @@ from __future__ import annotations
 import logging
 import re
 import uuid
-from collections.abc import Callable, Sized
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
-from datetime import UTC, datetime
 from enum import Enum
 from typing import Any
 
@@ -30,6 +29,7 @@ from app.core.version import code_version
 from app.drives import claims, publishing, queue, tracks
 from app.drives.computing import Computed, Computing, RunProgress, compute, failure_of
 from app.drives.documents import Drive
+from app.drives.log_facts import records_of
 from app.jobs.context import JobContext
 from app.jobs.requests.pieces import never
 from app.jobs.requests.run import Discarded, Progress
@@ -40,7 +40,6 @@ from app.network.cells import road_states
 from app.network.marks import MarkedBy
 from app.network.solve import lag_among_all
 from app.terrain.heights import fill_heights_along
-from fusion.formats.base import NO_DATE
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options
 from fusion.together import LAG_ROUNDS, factors_for_lag
@@ -168,7 +167,18 @@ def _run(
 
 def _append(context: JobContext, drive: Drive, computed: Computed, *, behind: bool) -> bool:
     """Write all that the drive says in one transaction; False when the roads around it changed since they were read."""
-    around, ids, result = computed.around, computed.ids, computed.result
+    with context.sessions.begin() as session:
+        delay_s = publishing.patience_s(session, context.settings.publish_every_s, behind=behind)
+        return write_result(session, drive, computed, delay_s)
+
+
+def write_result(session: Session, drive: Drive, computed: Computed, delay_s: float) -> bool:
+    """Write all that a running drive says in the session's transaction, and mark its cells to be solved within that.
+
+    False, and nothing is written, where the roads around it changed since they were read. Raises ``Discarded`` where
+    the drive was deleted or asked for anew.
+    """
+    around, ids, result, facts = computed.around, computed.ids, computed.result, computed.facts
     provenance = slopes.RunProvenance(
         method=drive.method,
         options=parse_options(drive.method, drive.options).model_dump(mode="json"),
@@ -177,33 +187,32 @@ def _append(context: JobContext, drive: Drive, computed: Computed, *, behind: bo
         road_state=max(around.roads.states.values(), default=0),
         dem_version_id=around.dem_version_id,
     )
-    with context.sessions.begin() as session:
-        slopes.begin_change(session, drive.id, slopes.in_database(result.factors, ids))
-        if not claims.lock_running(session, drive.id, drive.generation):
-            raise Discarded
-        if road_states(session, around.roads.states) != around.roads.states:
-            return False
-        tracks.save_track(session, drive.id, result.track, ids, result.measurements)
-        slopes.append_result(
-            session,
-            MarkedBy(drive.id, drive.generation),
-            ids,
-            result.slopes,
-            provenance,
-            result.factors,
-            computed.log.fix.time_s,
-            delay_s=publishing.patience_s(session, context.settings.publish_every_s, behind=behind),
-        )
-        claims.mark_publishing(
-            session,
-            drive.id,
-            report=computed.report(),
-            bounds=computed.log.bounds_deg(),
-            epochs=len(result.track),
-            distance_m=result.report["distance_m"],
-            drive_time=drive_time(computed.log),
-        )
-        queue.enqueue_solve(session)
+    slopes.begin_change(session, drive.id, slopes.in_database(result.factors, ids))
+    if not claims.lock_running(session, drive.id, drive.generation):
+        raise Discarded
+    if road_states(session, around.roads.states) != around.roads.states:
+        return False
+    tracks.save_track(session, drive.id, result.track, ids, result.measurements)
+    slopes.append_result(
+        session,
+        MarkedBy(drive.id, drive.generation),
+        ids,
+        result.slopes,
+        provenance,
+        result.factors,
+        facts.epoch_s,
+        delay_s=delay_s,
+    )
+    claims.mark_publishing(
+        session,
+        drive.id,
+        report=computed.report(),
+        bounds=facts.bounds_deg,
+        epochs=len(result.track),
+        distance_m=result.report["distance_m"],
+        drive_time=facts.drive_time,
+    )
+    queue.enqueue_solve(session)
     return True
 
 
@@ -228,22 +237,6 @@ def with_settled_lag(
             break
         factors = anew
     return replace(result, factors=factors)
-
-
-def records_of(log: DriveLog) -> int:
-    """How many records the log has: the epochs of the sensor of which it has most, raw signals among them.
-
-    Sensors beside each other are not added, so that a drive has as many in whatever format it was recorded.
-    """
-    sensors: list[Sized] = [*log.tables().values(), *log.device.tables().values()]
-    if log.raw is not None:
-        sensors.append(log.raw.signals)
-    return max(map(len, sensors))
-
-
-def drive_time(log: DriveLog) -> datetime | None:
-    """When the recording begins; None where the log has no date and its times were placed somewhere."""
-    return None if NO_DATE in log.repaired else datetime.fromtimestamp(float(log.fix.time_s[0]), UTC)
 
 
 def _fail(context: JobContext, drive: Drive, failure: Failure) -> Outcome:

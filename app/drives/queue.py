@@ -7,6 +7,7 @@ import uuid
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.claims import taken
 from app.jobs.task import QUEUE, Kind, add_job
 
 AHEAD = 10
@@ -16,8 +17,12 @@ BEHIND = -100
 
 TASK = "process_drive"
 PROCESS_DRIVE = Kind(TASK)
+PROCESS_BEHIND = Kind(TASK, BEHIND)
 REMOVE_DRIVE = Kind("remove_drive", AHEAD)
 SOLVE = Kind("solve", AHEAD)
+
+IMPORT = "import of drives"
+"""The claim of who brings drives in that are computed already (``app.drives.batches.importing``)."""
 
 # The queue's own function raises where a job waits already, which would end the session's transaction.
 _ASK_SOLVER = text("""
@@ -49,13 +54,13 @@ def jobs_behind(task: str) -> str:
 """
 
 
-def enqueue(session: Session, drive_id: uuid.UUID, generation: int) -> None:
+def enqueue(session: Session, drive_id: uuid.UUID, generation: int, kind: Kind = PROCESS_DRIVE) -> None:
     """Add the drive's job in the session's transaction: a rollback drops it, a commit wakes a worker.
 
     Jobs of one drive run one after the other: a job for an older generation ends at its next sign of
     progress.
     """
-    add_job(session, PROCESS_DRIVE, lock=str(drive_id), drive_id=str(drive_id), generation=generation)
+    add_job(session, kind, lock=str(drive_id), drive_id=str(drive_id), generation=generation)
 
 
 def enqueue_removal(session: Session, drive_id: uuid.UUID, generation: int) -> None:
@@ -69,6 +74,8 @@ def enqueue_solve(session: Session) -> None:
 
 
 def drives_wait(session: Session, *, behind: bool) -> bool:
-    """Whether drives wait to be processed; ``behind``: also those of batches."""
+    """Whether drives wait to be processed; ``behind``: also those of batches, and of an import that is under way."""
+    if behind and taken(session, IMPORT):
+        return True
     least = 2 * BEHIND if behind else BEHIND // 2
     return bool(session.execute(_WAIT, {"task": TASK, "least": least}).scalar_one())

@@ -225,6 +225,8 @@ class Drive(Followed, Owned, Base):
     """The drive that this one duplicates, which counts in its place (``app.network.results``)."""
     batch_id: Mapped[int | None] = mapped_column(sa.ForeignKey("batches.id", ondelete="SET NULL"))
     """The batch with which it was last asked for; NULL where it was asked for by itself."""
+    import_id: Mapped[int | None] = mapped_column(sa.ForeignKey("batches.id", ondelete="SET NULL"))
+    """The import of a batch's folder that it came with (``versant import-batch``); NULL: it was uploaded."""
     before_batch: Mapped[dict[str, Any] | None]
     """What it was before its batch, for as long as a cancelled batch would bring that back."""
     queued_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
@@ -238,8 +240,7 @@ class Drive(Followed, Owned, Base):
     __table_args__ = (
         *status_constraints(*DRIVE_STATUSES),
         # The same log is one drive of an owner. That another owner has it is not to be told by an upload.
-        sa.UniqueConstraint("owner_id", "sha256"),
-        sa.UniqueConstraint("owner_id", "content_sha256"),
+        *(sa.UniqueConstraint("owner_id", one) for one in ("sha256", "content_sha256")),
         sa.Index(None, "owner_id", "created_at", "id"),
         # Whose logs are to be deleted by now.
         sa.Index(None, "owner_id", "finished_at", **where(HAS_LOG)),
@@ -253,8 +254,7 @@ class Drive(Followed, Owned, Base):
             postgresql_include=["status", "distance_m"],
             **where("finished_at IS NOT NULL"),
         ),
-        sa.Index(None, "duplicate_of", **where("duplicate_of IS NOT NULL")),
-        sa.Index(None, "batch_id", **where("batch_id IS NOT NULL")),
+        *(sa.Index(None, k, **where(f"{k} IS NOT NULL")) for k in ("batch_id", "duplicate_of", "import_id")),
         # Orders of the list (``app.drives.listing``) and what it is searched and filtered by.
         sa.Index(None, "drive_time", "created_at", "id"),
         sa.Index(None, "distance_m", "created_at", "id"),

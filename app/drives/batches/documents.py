@@ -71,6 +71,13 @@ class Selection(BaseModel, frozen=True):
         description="Only drives on roads of this region (`versant regions list`).",
         examples=["karlsruhe"],
     )
+    imported: int | None = Field(
+        None,
+        ge=1,
+        le=2**63 - 1,
+        description="Only drives that came with this import (`versant import-batch`).",
+        examples=[7],
+    )
     bbox: Bounds | None = None
     force: bool | None = Field(
         None,

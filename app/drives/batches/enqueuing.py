@@ -77,14 +77,14 @@ def cancel(
 ) -> None:
     """Take what still waits of the batch out of the queue: those drives are as they were, with all they published.
 
-    What runs runs to its end. Raises ``BadRequestError`` for a batch that an update asked for: what its drives said
-    before cannot be read any more.
+    What runs runs to its end. Raises ``BadRequestError`` for an import, and for a batch that an update asked for:
+    its drives have said nothing before, or what cannot be read any more.
     """
     with sessions.begin() as session:
         if not store.cancel_batch(session, batch):
             raise BadRequestError(
-                "This batch cannot be cancelled: an update of the service computes its drives again, because what "
-                "they said before cannot be read any more.",
+                "This batch cannot be cancelled: it is an import, whose drives can be removed, or an update of the "
+                "service computes its drives again, because what they said before cannot be read any more.",
                 field="batch",
             )
         if origin is not None:

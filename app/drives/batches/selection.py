@@ -80,6 +80,7 @@ _FILTERS = {
     "driven_after": "d.drive_time >= :driven_after",
     "driven_before": "d.drive_time < :driven_before",
     "region": _REGION,
+    "imported": "d.import_id = :imported",
 }
 _BOX = "d.bounds && ST_MakeEnvelope({west}, :south, {east}, :north, 4326)"
 

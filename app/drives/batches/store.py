@@ -88,7 +88,7 @@ _ENQUEUE = """
 
 _CANCEL = text(
     "UPDATE batches SET state = 'cancelled', selection = selection - 'bbox' "
-    "WHERE id = :batch AND selection <> :renewal RETURNING id"
+    "WHERE id = :batch AND selection <> :renewal AND selection ->> 'which' <> 'import' RETURNING id"
 )
 
 # A job that a worker has just taken stays; the worker finds that the drive is not its own.

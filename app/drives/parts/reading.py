@@ -192,13 +192,13 @@ def stem_of(filename: str) -> str:
     return first.removesuffix(".gz").rsplit(".", 1)[0] or "drive"
 
 
-def log_name(drive: Drive, file: BinaryIO) -> str:
+def log_name(filename: str, file: BinaryIO) -> str:
     """The name to keep a drive's log under: several files are kept as one zip."""
-    if ", " not in drive.filename or drive.filename.lower().endswith(".zip"):
-        return drive.filename
+    if ", " not in filename or filename.lower().endswith(".zip"):
+        return filename
     head = file.read(len(ZIP))
     file.seek(0)
-    return f"{drive.filename}.zip" if head == ZIP else drive.filename
+    return f"{filename}.zip" if head == ZIP else filename
 
 
 def in_blocks(chunks: Iterator[str], size: int = BLOCK_BYTES) -> Iterator[str]:

@@ -290,7 +290,7 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
     def opened() -> tuple[BinaryIO, dict[str, str]]:
         file = _opened(service, drive)
         return file, shared | {
-            "Content-Disposition": attachment(log_name(drive, file)),
+            "Content-Disposition": attachment(log_name(drive.filename, file)),
             "X-Content-Type-Options": "nosniff",
             "Content-Security-Policy": "sandbox",
         }

@@ -168,7 +168,7 @@ class Archive:
             return
         try:
             file = self._service.blobs.open(drive.blob_key, PIECE_BYTES)
-            path = f"{folder}/log/{plain_name(log_name(drive, file))}"
+            path = f"{folder}/log/{plain_name(log_name(drive.filename, file))}"
         except OSError as error:
             index.miss(drive, "log", f"The log cannot be read: {type(error).__name__}.")
             return

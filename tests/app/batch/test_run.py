@@ -7,7 +7,6 @@ import json
 import shutil
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+from altimeter_support import altimeter_gpx
 from app.batch.folder import BatchFolder
 from app.batch.hands import Hands, hands
 from app.batch.run import Done, Request, run
@@ -57,15 +57,7 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     lines = town.drives[0].read_text().splitlines(keepends=True)
     (folder / "shorter.csv").write_text("".join(lines[:-5]))
     (folder / "broken.csv").write_text(BROKEN)
-    drive = town.simulated[1]
-    lon, lat = drive.lonlat()
-    late = np.interp(drive.elapsed_s - 4.0, drive.elapsed_s, drive.gnss.alt_msl_m)
-    points = "".join(
-        f'<trkpt lat="{y:.7f}" lon="{x:.7f}"><ele>{0.2 * round(h / 0.2):.1f}</ele>'
-        f"<time>{datetime.fromtimestamp(t + 86400, UTC).isoformat()}</time></trkpt>"
-        for x, y, h, t in zip(lon, lat, late, drive.time_s.round(2).tolist(), strict=True)
-    )
-    (folder / "altimeter.gpx").write_text(f'<gpx version="1.1"><trk><trkseg>{points}</trkseg></trk></gpx>')
+    (folder / "altimeter.gpx").write_text(altimeter_gpx(town.simulated[1], 4.0))
     return town
 
 

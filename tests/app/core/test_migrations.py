@@ -106,6 +106,7 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
             "owner_id",
             "sent_by",
             "log_deleted_at",
+            "import_id",
             "records",
         },
         {"road_state"},

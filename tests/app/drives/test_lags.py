@@ -10,12 +10,17 @@ from typing import Any
 
 import pytest
 
+from altimeter_support import altimeter_gpx
 from app.core.db import Sessions
 from app.drives import process
-from app.drives.process import with_settled_lag
+from app.drives.process import Outcome, with_settled_lag
+from app.jobs.context import JobContext
+from drive_fixtures import Send
 from fusion.methods.base import DriveResult
 from fusion.network.pass_factor import LAG, NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
+from fusion.simulate.drive import simulate_drive
+from fusion.simulate.scene.town import Town
 from fusion.together import LAG_ROUNDS, LAG_STEP_S
 from fusion.types import Ints
 from network_support import passes_of, rows_of
@@ -72,3 +77,13 @@ def test_drives_without_an_altimeter_are_left_as_they_are(
     said = [factor for factor, _ in passes_of(chain(), {0: (2.0, 0.5)})]
     result = result_of(said, None)
     assert with_settled_lag(sessions, uuid.uuid4(), segment_ids, result) is result
+
+
+def test_factors_are_made_anew_while_the_terrain_is_open(
+    context: JobContext, send: Send, town: Town, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where there is an elevation model, they are made of it as well."""
+    monkeypatch.setattr(process, "lag_among_all", lambda *_: 4.0)
+    log = altimeter_gpx(simulate_drive(town, 0, duration_s=90), 4.0).encode()
+    drive = send(log, "profile")
+    assert process.process_drive(context, drive.id, drive.generation) is Outcome.DONE

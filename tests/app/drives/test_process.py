@@ -14,8 +14,9 @@ import pytest
 
 from app.core.db import Sessions
 from app.core.settings import Settings
-from app.drives import computing, intake, process, tracks
+from app.drives import computing, intake, tracks
 from app.drives.documents import Drive
+from app.drives.log_facts import drive_time
 from app.drives.process import Outcome
 from app.jobs.context import JobContext
 from app.map import store as slopes
@@ -288,9 +289,9 @@ def test_a_log_without_a_date_has_no_drive_time() -> None:
         for second in range(5)
     )
     undated = read_log(nmea.encode())
-    assert process.drive_time(undated) is None
+    assert drive_time(undated) is None
     dated = read_log(b"time_s,lat_deg,lon_deg\n1700000000,48,7.85\n")
-    assert process.drive_time(dated) == datetime(2023, 11, 14, 22, 13, 20, tzinfo=UTC)
+    assert drive_time(dated) == datetime(2023, 11, 14, 22, 13, 20, tzinfo=UTC)
 
 
 def _sentence(body: str) -> str:

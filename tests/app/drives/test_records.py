@@ -15,7 +15,8 @@ from access_support import Keyed
 from app.access.store import create_owner
 from app.drives import claims, computing, intake
 from app.drives.documents import Drive
-from app.drives.process import Outcome, records_of
+from app.drives.log_facts import records_of
+from app.drives.process import Outcome
 from app.jobs.context import JobContext
 from fusion.formats import read_log
 from fusion.pipeline import run_drive
