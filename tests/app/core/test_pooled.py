@@ -33,7 +33,7 @@ Behind = Callable[..., Sessions]
 def behind(pooler: Pooler, database_url: str) -> Iterator[Behind]:
     """``behind(schema=..., patience=...)``: sessions behind a pooler with one connection to the server."""
     with ExitStack() as stack:
-        url = stack.enter_context(pooler(database_url, 1))
+        url = stack.enter_context(pooler(database_url, 1)).url
 
         def make(**options: Any) -> Sessions:
             engine = make_engine(url, pooled=True, **options)
