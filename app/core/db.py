@@ -7,7 +7,7 @@ One style of database access: synchronous SQLAlchemy over psycopg 3. Vector tile
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -20,6 +20,7 @@ from psycopg import Connection
 from psycopg.adapt import Buffer, Dumper, PyFormat
 from psycopg.pq import Format
 from sqlalchemy import Engine, create_engine, event
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, sessionmaker
 from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 from sqlalchemy.util.queue import Empty
@@ -118,10 +119,27 @@ def make_engine(
     )
     if pooled:
         begin = transaction_options(patience, schema)
-        event.listen(engine, "begin", lambda connection: _driver(connection).execute(begin))
+        begin_with(engine, lambda connection: _driver(connection).execute(begin))
     if background:
         event.listen(engine, "connect", lambda connection, _record: lower_server_priority(connection))
     return engine
+
+
+def begin_with(engine: Engine, work: Callable[[sqlalchemy.Connection], object]) -> None:
+    """Begin every transaction of ``engine`` with this; where the driver fails there, it is an error of SQLAlchemy's as
+    of any other statement, and the connection is not kept."""
+
+    def begin(connection: sqlalchemy.Connection) -> None:
+        try:
+            work(connection)
+        except psycopg.Error as error:
+            # What fails in a hook is not its own to SQLAlchemy: it would roll back on a connection that is gone.
+            connection.invalidate(error)
+            raise DBAPIError.instance(
+                "BEGIN", None, error, psycopg.Error, hide_parameters=True, connection_invalidated=True
+            ) from error
+
+    event.listen(engine, "begin", begin)
 
 
 def session_factory(engine: Engine) -> Sessions:

@@ -164,7 +164,7 @@ class Standby:
         try:
             with self._primary() as session:
                 here = store.written(session)
-        except SQLAlchemyError:
+        except (SQLAlchemyError, psycopg.Error):
             self._problem = "The primary does not say how far it is."  # so the bound runs out
             return
         try:

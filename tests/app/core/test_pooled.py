@@ -10,10 +10,11 @@ from typing import Any
 
 import httpx
 import pytest
-from sqlalchemy import text
+from sqlalchemy import Connection, text
+from sqlalchemy.exc import OperationalError
 
 from app.core.claims import Claim
-from app.core.db import Patience, Sessions, make_engine, session_factory, snapshot
+from app.core.db import Patience, Sessions, begin_with, make_engine, session_factory, snapshot
 from app.core.settings import Settings
 from app.drives import claims
 from pooler_fixtures import Pooler, pooler
@@ -98,3 +99,27 @@ def test_what_needs_a_connection_for_itself_goes_past_the_pooler(settings: Setti
     assert pooled.session_url == settings.database_url
     past = pooled.model_copy(update={"database_direct_url": direct})
     assert past.listen_url == past.session_url == direct
+
+
+def test_what_fails_at_the_begin_of_a_transaction_is_an_error_like_any_other(
+    database_url: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As where a pooler that has lost its server refuses the statement with which each transaction begins."""
+    engine, fails = make_engine(database_url, pool_size=1, max_overflow=0), [True]
+
+    def begin(connection: Connection) -> None:
+        driver: Any = connection.connection.driver_connection
+        if fails:
+            driver.execute("SELECT pg_terminate_backend(pg_backend_pid())")
+
+    begin_with(engine, begin)
+    sessions = session_factory(engine)
+    try:
+        with sessions() as session, pytest.raises(OperationalError):
+            session.execute(text("SELECT 1"))
+        fails.clear()
+        with sessions() as session:
+            assert session.execute(text("SELECT 1")).scalar_one() == 1
+    finally:
+        engine.dispose()
+    assert not [one for one in caplog.records if one.levelname == "ERROR"]
