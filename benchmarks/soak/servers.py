@@ -46,6 +46,7 @@ auth_file = {folder}/users
 pool_mode = transaction
 default_pool_size = {size}
 max_client_conn = {most}
+server_login_retry = 1
 admin_users = {user}
 pidfile = {folder}/pid
 logfile = {folder}/log
