@@ -58,8 +58,9 @@ class PoolerWatch:
         elif self.away_since_s is None:
             self.away_since_s = time.monotonic()
         elif time.monotonic() > self.away_since_s + AWAY_S:
-            self.pooler.start()
-            console.complain("PgBouncer was started again.")
+            self.away_since_s = None
+            done = "was" if self.pooler.launch() else "could not be"
+            console.complain(f"PgBouncer {done} started again.")
 
 
 @dataclass

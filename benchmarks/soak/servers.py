@@ -124,13 +124,17 @@ class PgBouncer:
         values = {"host": host, "port": parts["port"], "user": user, "size": size, "most": CLIENTS_MOST}
         (folder / "settings").write_text(_POOLER.format(**values, listens=listens, folder=folder))
 
-    def start(self) -> None:
-        """Start it, and wait until it answers."""
+    def launch(self) -> bool:
+        """Start it; whether it began."""
         with suppress(OSError):
             (self._folder / "pid").unlink()  # of one that was killed
-        started = self._account.run([self._program, "--quiet", "--daemon", str(self._folder / "settings")])
-        if started.returncode:
-            raise RuntimeError(f"PgBouncer did not start: {started.stdout}")
+        command = [self._program, "--quiet", "--daemon", str(self._folder / "settings")]
+        return self._account.run(command).returncode == 0
+
+    def start(self) -> None:
+        """Start it, and wait until it answers."""
+        if not self.launch():
+            raise RuntimeError(f"PgBouncer did not start; {self._folder / 'log'} may say why")
         ends = time.monotonic() + START_S
         while True:
             with suppress(psycopg.OperationalError):
