@@ -33,6 +33,7 @@ from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.disconnects import EndWithClient
 from app.core.http import Service
 from app.core.problems import Problem, install_error_handlers
+from app.core.receiving.announcements import Announcements
 from app.core.receiving.clients import Forwarded, Shares
 from app.core.receiving.pace import Bodies
 from app.core.settings import Settings, SettingsError, get_settings
@@ -215,17 +216,21 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         edition_note,
         standby=standby,
     )
-    app.state.callers = Callers(settings.listen_url, session_factory(engine))
+    app.state.callers = Callers(session_factory(engine))
     app.state.logins = Logins(Provider(settings) if settings.oidc_issuer else None)
     app.state.archives = RequestClass(archive.AT_ONCE, for_others=archive.AT_ONCE)
     app.state.drawing = Drawing(settings.pictures_waiting)
     streams = Shares(settings.events_max, settings.events_per_client)
     app.state.feed = feed.Feed(
-        settings.listen_url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, streams
+        partial(_read_drives, session_factory(engine)),
+        settings.events_poll_s,
+        streams,
+        announced=settings.listen_url is not None,
     )
+    announcements = Announcements(settings.listen_url, [app.state.callers, app.state.feed])
     app.state.tiles = MapTiles(settings, app.state.request_classes, standby)
     app.state.live = Live(app.state.tiles, streams)
-    followed = [app.state.callers, app.state.feed, app.state.tiles, app.state.live]
+    followed = [announcements, app.state.feed, app.state.tiles, app.state.live]
     followed += [] if standby is None else [standby]
     if settings.shown_map == "releases":
         app.state.edition_tiles = MapTiles(settings, app.state.request_classes, standby, EDITION)
