@@ -39,7 +39,7 @@ class Callers:
     channel = CHANNEL
 
     def __init__(self, sessions: Sessions) -> None:
-        """Until announcements are heard, whoever shows a key is looked up each time."""
+        """Until announcements are received, whoever shows a key is looked up each time."""
         self._sessions = sessions
         self._kept: dict[tuple[Kind, bytes], tuple[Known, float]] = {}
         self._hears, self._changes = False, 0

@@ -1,4 +1,4 @@
-"""What the database announces, heard by one connection for all parts of a process. Knows no subject."""
+"""What the database announces, received by one connection for all parts of a process. Knows no subject."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 class Hearer(Protocol):
-    """A part of the process that is told. What is announced while nothing is heard is lost."""
+    """A part of the process that is told. What is announced while nothing is received is lost."""
 
     channel: str
 
