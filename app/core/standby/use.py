@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine
 from contextvars import ContextVar
 from functools import partial
+from threading import Lock
 from time import monotonic
 from typing import Any, TypeVar
 
@@ -40,6 +41,8 @@ from app.core.telemetry.logs import tell
 Answer = TypeVar("Answer")
 
 LOOK_EVERY_S = 1.0
+LAST_LOOK_S = 5.0
+"""So long the end of the process waits for a look."""
 TRIES = 2
 """Of a request on the standby."""
 _CONFLICT = "40"
@@ -86,6 +89,7 @@ class Standby:
         """All that had committed by then is there; None: unknown."""
         self._problem = "It has not been looked at yet."
         self._told = False
+        self._looking = Lock()
 
     @property
     def lag_s(self) -> float | None:
@@ -155,11 +159,16 @@ class Standby:
             await asyncio.sleep(LOOK_EVERY_S)
 
     def close(self) -> None:
-        """Give its connections back."""
+        """Give its connections back, those of a look that is under way when that is over; not if it hangs."""
+        self._looking.acquire(timeout=LAST_LOOK_S)
         self._engine.dispose()
         self._probing.dispose()
 
     def _look(self) -> None:
+        with self._looking:
+            self._compare()
+
+    def _compare(self) -> None:
         asked = monotonic()
         try:
             with self._primary() as session:
