@@ -47,6 +47,8 @@ TRIES = 2
 """Of a request on the standby."""
 _CONFLICT = "40"
 """The class of what a standby cancels: the same may succeed at the next try."""
+_GONE = ("08", "57P", "None")
+"""What is said of a connection that is gone: by the server, by a pooler, by nobody."""
 _SILENT = "It does not answer."
 _KEPT_ALIVE = {"keepalives_idle": "5", "keepalives_interval": "2", "keepalives_count": "3"}
 """Options of connections: a standby whose machine is gone without a word is noticed in seconds, not in hours."""
@@ -119,11 +121,11 @@ class Standby:
                 return await work()
             except (psycopg.Error, DBAPIError) as error:
                 cause = error.orig if isinstance(error, DBAPIError) else error
-                if isinstance(
-                    cause, QueryCanceled
-                ):  # it took too long, or its client left: nowhere else either
-                    raise
-                if not self._is_conflict(cause):
+                if isinstance(cause, QueryCanceled):
+                    raise  # it took too long, or its client left: nowhere else either
+                state = str(getattr(cause, "sqlstate", None))
+                if not state.startswith(_CONFLICT):
+                    self._note_fault(cause, state)
                     break
             finally:
                 _asked.reset(token)
@@ -131,15 +133,11 @@ class Standby:
             self.passed_on += 1
         return await work()
 
-    def _is_conflict(self, cause: BaseException | None) -> bool:
-        """Whether to try again there; a connection that is gone is a reason to look at the standby first."""
-        state = getattr(cause, "sqlstate", None)
-        if state is not None and state.startswith(_CONFLICT):
-            return True
+    def _note_fault(self, cause: BaseException | None, state: str) -> None:
+        """A connection that is gone is a reason not to use the standby until it has been looked at."""
         self.passed_on += 1
-        if isinstance(cause, psycopg.OperationalError) and not isinstance(cause, StandbyBehindError):
+        if state.startswith(_GONE) and not isinstance(cause, StandbyBehindError):
             self._as_of, self._problem = None, _SILENT
-        return False
 
     async def run(self) -> None:
         """Look at it until cancelled."""
