@@ -33,9 +33,11 @@ from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.disconnects import EndWithClient
 from app.core.http import Service
 from app.core.problems import Problem, install_error_handlers
+from app.core.receiving.announcements import Announcements
 from app.core.receiving.clients import Forwarded, Shares
 from app.core.receiving.pace import Bodies
 from app.core.settings import Settings, SettingsError, get_settings
+from app.core.standby.use import standby_of
 from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
 from app.drives import catalogue as methods
@@ -60,7 +62,7 @@ from app.map.items.routes import tell_limits
 from app.map.style import routes as style
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
-from app.map.tiles.tiles import Tiles
+from app.map.tiles.servers import MapTiles
 from app.operations import routes as operations
 from app.operations import sources
 from app.ops import health, metrics, stats
@@ -84,6 +86,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     drive_parts.router,
     trials.router,
     segments.router,
+    segments.behind,
     changes.router,
     webhooks.router,
     landing.router,
@@ -196,14 +199,12 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             "VERSANT_DATABASE_URL is not set. Name a PostgreSQL database with PostGIS, or start everything "
             "at once with `versant up`, which brings its own."
         )
-    url = settings.database_url
     patience = Patience(settings.statement_timeout_s, settings.lock_timeout_s, settings.pool_timeout_s)
     pooled = settings.database_pooled
-    engine = make_engine(
-        url, pool_size=settings.db_pool_size, max_overflow=MORE_CONNECTIONS, patience=patience, pooled=pooled
-    )
-    probing = make_engine(url, pool_size=1, max_overflow=1, patience=patience, pooled=pooled)
-    guard(engine)
+    connect = partial(make_engine, settings.database_url, patience=patience, pooled=pooled)
+    engine = guard(connect(pool_size=settings.db_pool_size, max_overflow=MORE_CONNECTIONS))
+    probing = connect(pool_size=1, max_overflow=1)
+    standby = app.state.metrics.standby = standby_of(settings, patience, session_factory(probing))
     app.state.service = Service(
         settings,
         engine,
@@ -213,21 +214,27 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         session_factory(probing),
         CapacityLimiter(2),
         edition_note,
+        standby=standby,
     )
-    app.state.callers = Callers(settings.listen_url, session_factory(engine))
+    app.state.callers = Callers(session_factory(engine))
     app.state.logins = Logins(Provider(settings) if settings.oidc_issuer else None)
     app.state.archives = RequestClass(archive.AT_ONCE, for_others=archive.AT_ONCE)
     app.state.drawing = Drawing(settings.pictures_waiting)
     streams = Shares(settings.events_max, settings.events_per_client)
     app.state.feed = feed.Feed(
-        settings.listen_url, partial(_read_drives, session_factory(engine)), settings.events_poll_s, streams
+        partial(_read_drives, session_factory(engine)),
+        settings.events_poll_s,
+        streams,
+        announced=settings.listen_url is not None,
     )
-    app.state.tiles = Tiles(url, settings, app.state.request_classes)
-    app.state.live = Live(app.state.tiles.watch, streams)
-    followed = [app.state.callers, app.state.feed, app.state.tiles, app.state.live]
+    announcements = Announcements(settings.listen_url, [app.state.callers, app.state.feed])
+    app.state.tiles = MapTiles(settings, app.state.request_classes, standby)
+    app.state.live = Live(app.state.tiles, streams)
+    followed = [announcements, app.state.feed, app.state.tiles, app.state.live]
+    followed += [] if standby is None else [standby]
     if settings.shown_map == "releases":
-        app.state.edition_tiles = Tiles(url, settings, app.state.request_classes, EDITION)
-        app.state.edition_live = Live(app.state.edition_tiles.watch, streams)
+        app.state.edition_tiles = MapTiles(settings, app.state.request_classes, standby, EDITION)
+        app.state.edition_live = Live(app.state.edition_tiles, streams)
         followed += [app.state.edition_tiles, app.state.edition_live]
     beside = [asyncio.create_task(one.run()) for one in followed]
     try:
@@ -238,9 +245,11 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             with suppress(asyncio.CancelledError):
                 await task
         for one in followed:
-            if isinstance(one, Tiles):
+            if isinstance(one, MapTiles):
                 await one.close()
         app.state.drawing.close()
+        if standby is not None:
+            standby.close()
         engine.dispose()
         probing.dispose()
 

@@ -41,6 +41,7 @@ SQL_PLACES = {
         "core/claims.py",
         "core/databases.py",
         "core/schema.py",
+        "core/standby/store.py",
         "core/telemetry/audit.py",
         "core/telemetry/ledger.py",
         "drives/batches/importing.py",

@@ -21,7 +21,7 @@ from app.core.telemetry.measures import MEASURES
 from app.exports.formats import FORMATS as EXPORTS
 from app.main import create_app
 from app.map.items.collections import SEGMENTS, WAYS, Collection
-from app.ops.metrics import GAUGES, LABELS, Gauges, Metrics
+from app.ops.metrics import GAUGES, LABELS, STANDBY, Gauges, Metrics
 from document_pages import PAGES, TABLE
 from fusion.catalogue import METHODS, POSITIONINGS, SOLVERS
 from fusion.filters.resampling import RESAMPLERS
@@ -285,7 +285,7 @@ def consumer_options() -> str:
 def metrics() -> str:
     """Every metric that a service with a database exposes."""
     nothing = Gauges({}, {}, dict.fromkeys(GAUGES, 0.0), {})
-    rows = []
+    rows = [(code(f"versant_{name}"), "gauge", "", meaning) for name, meaning in STANDBY.items()]
     for family in Metrics(lambda: nothing).registry.collect():
         name = f"{family.name}_total" if family.type == "counter" else family.name
         labels = {label for measure in MEASURES if measure.name == name for label in measure.labels}

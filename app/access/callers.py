@@ -6,14 +6,11 @@ what is revoked is void at once, in every process, and a warm tile costs no quer
 
 from __future__ import annotations
 
-import asyncio
-import logging
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Literal
 
-import psycopg
 from anyio import CapacityLimiter, to_thread
 from sqlalchemy.orm import Session
 
@@ -21,13 +18,10 @@ from app.access import store
 from app.access.store import Known
 from app.core.caller import SERVICE, as_caller
 from app.core.db import Sessions
-from app.core.settings.places import libpq_url
 
 CHANNEL = "versant_access"
 KEEP_S = 60.0
 MOST_KEPT = 10_000
-AGAIN_S = 1.0
-CONNECT_TIMEOUT_S = 5
 THREADS = 2
 """That ask at once: a flood of wrong keys must not take all connections."""
 
@@ -38,15 +32,15 @@ _ASK: dict[Kind, Callable[[Session, str], Known | None]] = {
     "proxy": store.by_proxy,
 }
 
-log = logging.getLogger(__name__)
-
 
 class Callers:
     """The callers that a process of the API knows."""
 
-    def __init__(self, url: str | None, sessions: Sessions) -> None:
-        """``url``: where announcements are received; None: nowhere, and whoever shows a key is looked up each time."""
-        self._url, self._sessions = url, sessions
+    channel = CHANNEL
+
+    def __init__(self, sessions: Sessions) -> None:
+        """Until announcements are received, whoever shows a key is looked up each time."""
+        self._sessions = sessions
         self._kept: dict[tuple[Kind, bytes], tuple[Known, float]] = {}
         self._hears, self._changes = False, 0
         self._threads = CapacityLimiter(THREADS)
@@ -68,27 +62,19 @@ class Callers:
         with as_caller(SERVICE), self._sessions.begin() as session:
             return _ASK[kind](session, secret)
 
-    async def run(self) -> None:
-        """Listen for changes until cancelled."""
-        while self._url is not None:
-            try:
-                await self._listen(libpq_url(self._url))
-            except psycopg.Error as error:
-                if self._hears:  # once, however long it lasts
-                    log.warning("the connection that listens for changes of keys is lost for now: %s", error)
-            self._hears = False
-            self.forget()
-            await asyncio.sleep(AGAIN_S)
+    def begin_hearing(self) -> None:
+        """Keep callers: what changes is announced."""
+        self._hears = True
+        self.forget()
 
-    async def _listen(self, url: str) -> None:
-        async with await psycopg.AsyncConnection.connect(
-            url, autocommit=True, connect_timeout=CONNECT_TIMEOUT_S, application_name="versant access"
-        ) as connection:
-            await connection.execute(f"LISTEN {CHANNEL}")
-            self._hears = True
-            self.forget()
-            async for _ in connection.notifies():
-                self.forget()
+    def hear(self, payload: str) -> None:
+        """Something of a caller changed."""
+        self.forget()
+
+    def stop_hearing(self) -> None:
+        """Ask each time."""
+        self._hears = False
+        self.forget()
 
     def forget(self) -> None:
         """Ask of all callers anew: something of them changed."""

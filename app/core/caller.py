@@ -15,8 +15,10 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from sqlalchemy import Connection, Engine, event, text
+from sqlalchemy import Connection, Engine, text
 from sqlalchemy.orm import Session
+
+from app.core.db import begin_with
 
 Scope = Literal["nobody", "upload", "own", "operate"]
 
@@ -146,5 +148,5 @@ def guard(engine: Engine) -> Engine:
         if caller.sees == "edition":
             driver.execute(_READ_EDITION)
 
-    event.listen(engine, "begin", become)
+    begin_with(engine, become)
     return engine

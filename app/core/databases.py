@@ -76,9 +76,10 @@ def drop_database(server_url: str, name: str) -> None:
 
 
 def ensure_postgis(url: str) -> None:
-    """Install PostGIS into the database, if it is not there."""
+    """Install PostGIS into the database, if it is not there; a standby, which takes no such statement, has it."""
     with psycopg.connect(libpq_url(url), autocommit=True) as connection:
-        connection.execute("CREATE EXTENSION IF NOT EXISTS postgis")
+        if not connection.execute("SELECT FROM pg_extension WHERE extname = 'postgis'").fetchall():
+            connection.execute("CREATE EXTENSION IF NOT EXISTS postgis")
 
 
 @contextmanager

@@ -7,7 +7,7 @@ One style of database access: synchronous SQLAlchemy over psycopg 3. Vector tile
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -20,6 +20,8 @@ from psycopg import Connection
 from psycopg.adapt import Buffer, Dumper, PyFormat
 from psycopg.pq import Format
 from sqlalchemy import Engine, create_engine, event
+from sqlalchemy.engine import ExceptionContext
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session, sessionmaker
 from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
 from sqlalchemy.util.queue import Empty
@@ -116,12 +118,52 @@ def make_engine(
             **limits,
         },
     )
+    event.listen(engine, "handle_error", _replace_lost)
     if pooled:
         begin = transaction_options(patience, schema)
-        event.listen(engine, "begin", lambda connection: _driver(connection).execute(begin))
+        begin_with(engine, lambda connection: _driver(connection).execute(begin))
     if background:
         event.listen(engine, "connect", lambda connection, _record: lower_server_priority(connection))
     return engine
+
+
+def begin_with(engine: Engine, work: Callable[[sqlalchemy.Connection], object]) -> None:
+    """Begin every transaction of ``engine`` with this; where the driver fails there, it is an error of SQLAlchemy's as
+    of any other statement, and the connection is not kept."""
+
+    def begin(connection: sqlalchemy.Connection) -> None:
+        try:
+            work(connection)
+        except psycopg.Error as error:
+            # What fails in a hook is not its own to SQLAlchemy: it would roll back on a connection that is gone.
+            connection.invalidate(error)
+            raise _of_sqlalchemy(lost_connection(error) or error) from error
+
+    event.listen(engine, "begin", begin)
+
+
+def lost_connection(error: BaseException | None) -> psycopg.OperationalError | None:
+    """What an error means that says nothing of the kind: the connection is gone; None: it means what it says.
+
+    Where the server dies during a command, its last word and the pooler's own come as two results of that command.
+    """
+    if isinstance(error, psycopg.InternalError) and error.sqlstate is None:
+        return psycopg.OperationalError(f"the server and what is before it ended the connection: {error}")
+    return None
+
+
+def _of_sqlalchemy(error: psycopg.Error) -> BaseException:
+    return DBAPIError.instance(
+        None, None, error, psycopg.Error, hide_parameters=True, connection_invalidated=True
+    )
+
+
+def _replace_lost(context: ExceptionContext) -> BaseException | None:
+    lost = lost_connection(context.original_exception)
+    if lost is None:
+        return None
+    context.is_disconnect = True
+    return _of_sqlalchemy(lost)
 
 
 def session_factory(engine: Engine) -> Sessions:

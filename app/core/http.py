@@ -25,6 +25,7 @@ from app.core.db import Bounds, Sessions
 from app.core.disconnects import ending_with_client
 from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
+from app.core.standby.use import Standby, from_standby
 from app.core.text import GEO_JSON, geojson_text
 from fusion.errors import BadOptionsError
 
@@ -51,6 +52,8 @@ class Service:
     """The member ``edition`` of documents of the map, where the present caller sees an edition of it."""
     extents: dict[tuple[object, ...], Bounds | None] = field(default_factory=dict)
     """The network's extent by road version, kept because reading it scans every segment."""
+    standby: Standby | None = None
+    """What the map is read from where there is one."""
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
@@ -58,7 +61,8 @@ class Service:
 
         If the client disconnects meanwhile, the session's statement is cancelled.
         """
-        with self.sessions() as session, ending_with_client(session):
+        standby = self.standby if from_standby() else None
+        with (standby or self).sessions() as session, ending_with_client(session):
             yield session
 
 

@@ -1,4 +1,4 @@
-"""Tells followers of drives each change: one connection listens, and one query reads for all of them.
+"""Tells followers of drives each change: one query reads for all of them.
 
 The database announces a drive when its status changes or when it is asked for anew, and when it goes (migration 0039).
 An announcement says only that there is something to read, so a lost one costs time alone: after a reconnection, and at
@@ -16,7 +16,6 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from itertools import islice
 
-import psycopg
 from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Request
 from fastapi.responses import StreamingResponse
@@ -26,7 +25,6 @@ from app.core.caller import Scope, present_caller
 from app.core.http import EXAMPLE_ID, BaseUrl, Service, ServiceDep, existing, problems
 from app.core.receiving.clients import Shares
 from app.core.receiving.sse import EventStream, Follower, Followers, event, events_of, stream_answer
-from app.core.settings.places import libpq_url
 from app.core.text import dumps
 from app.drives import store
 from app.drives.documents import ENDED, Drive, linked
@@ -44,8 +42,7 @@ PAUSE_S = 0.05
 UNTOLD_LOOK_S = 1.0
 """Between two looks at what is followed where no announcement is received, and at how far drives are."""
 AGAIN_S = 1.0
-"""After a look or a connection that failed."""
-CONNECT_TIMEOUT_S = 5
+"""After a look that failed."""
 
 Read = Callable[[Collection[uuid.UUID]], Mapping[uuid.UUID, Drive]]
 
@@ -71,14 +68,15 @@ class News:
 class Feed:
     """The followers of a process. Everything but ``read`` happens in the event loop."""
 
-    def __init__(self, url: str | None, read: Read, look_every_s: float, streams: Shares) -> None:
+    channel = CHANNEL
+
+    def __init__(self, read: Read, look_every_s: float, streams: Shares, *, announced: bool) -> None:
         """``read`` is called in a thread and returns those of the drives that there are.
 
-        ``url``: where announcements are received; None: nowhere, and what is followed is looked at every second.
+        ``announced``: whether announcements are received; else what is followed is looked at every second.
         """
-        self._url = url
         self._read = read
-        self._look_every_s = look_every_s if url else min(look_every_s, UNTOLD_LOOK_S)
+        self._look_every_s = look_every_s if announced else min(look_every_s, UNTOLD_LOOK_S)
         self._followers = Followers[uuid.UUID, News](streams, "Ask for the drive itself every few seconds")
         self.leave = self._followers.leave
         self._due: set[uuid.UUID] = set()
@@ -92,39 +90,22 @@ class Feed:
         return follower
 
     async def run(self) -> None:
-        """Listen and look until cancelled."""
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._listen())
-            tasks.create_task(self._look())
+        """Look until cancelled."""
+        await self._look()
 
     def _look_at(self, drives: Collection[uuid.UUID]) -> None:
         self._due.update(drives)
         self._wake.set()
 
-    async def _listen(self) -> None:
-        listening = True
-        while self._url is not None:
-            try:
-                async with await psycopg.AsyncConnection.connect(
-                    libpq_url(self._url),
-                    autocommit=True,
-                    connect_timeout=CONNECT_TIMEOUT_S,
-                    application_name="versant events",
-                ) as connection:
-                    await connection.execute(f"LISTEN {CHANNEL}")
-                    listening = True
-                    self._look_at(self._followers.topics)  # what was announced meanwhile is lost
-                    async for note in connection.notifies():
-                        self._announced(note.payload)
-            except psycopg.Error as error:
-                if listening:  # once, however long it lasts
-                    log.warning(
-                        "the connection that listens for changes of drives is lost for now: %s", error
-                    )
-                listening = False
-            await asyncio.sleep(AGAIN_S)
+    def begin_hearing(self) -> None:
+        """Look at all: what was announced meanwhile is lost."""
+        self._look_at(self._followers.topics)
 
-    def _announced(self, payload: str) -> None:
+    def stop_hearing(self) -> None:
+        """All are looked at at intervals."""
+
+    def hear(self, payload: str) -> None:
+        """Look at the drive that changed, or at all."""
         if payload == MANY:
             self._look_at(self._followers.topics)
             return

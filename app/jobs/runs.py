@@ -26,8 +26,9 @@ logger = logging.getLogger(__name__)
 MAX_DEATHS = 3
 """A job is given up when so many processes died of it: what needs more memory than there is kills every time."""
 
-LONGEST_PAUSE_S = 600
-"""Between two runs of a job that loses the database again and again."""
+LONGEST_PAUSE_S = 120
+"""Between two runs of a job that loses the database again and again. Runs that were cut off for another reason count as
+well, so one that was often interrupted waits for so long after a restart of the database that takes a second."""
 
 ONCE_AGAIN_S = 1.0
 """Pause before a job of which one is enough is asked for anew, having lost the database."""

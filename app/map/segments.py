@@ -29,6 +29,7 @@ from app.core.http import (
     with_query,
 )
 from app.core.query import cursor_of, parse_cursor
+from app.core.standby.use import MapRoute
 from app.core.text import GEO_JSON, LENGTH_DIGITS, SLOPE_DIGITS, Moment, rounded
 from app.map import store as segments
 from app.map.heights.road_heights import measured_height
@@ -148,7 +149,10 @@ class ObservationList(BaseModel, json_schema_extra={"examples": [_OBSERVATIONS_E
     links: list[Link] = Field(description="`next` is missing on the last page.")
 
 
-router = APIRouter(prefix="/v1/segments", tags=["segments"])
+router = APIRouter(prefix="/v1/segments", tags=["segments"], route_class=MapRoute)
+behind = APIRouter(
+    prefix="/v1/segments", tags=["segments"]
+)  # names drives, which may have been removed just now
 
 
 @router.get(
@@ -182,7 +186,7 @@ def get_segment(
     return geojson_response({**row.geojson(), **note, "links": link_documents(links)})
 
 
-@router.get(
+@behind.get(
     "/{segment_id}/observations", summary="The drives behind a segment", responses=problems(404, 422, 503)
 )
 def segment_observations(

@@ -26,7 +26,10 @@ class Health(BaseModel):
     )
 
     status: str
-    checks: dict[str, str] = Field(default={}, description="Each thing needed: ok, or what is wrong with it.")
+    checks: dict[str, str] = Field(
+        default={},
+        description="Each thing needed: ok, or what is wrong with it. And a standby, without which it goes on.",
+    )
 
 
 @router.get("/healthz", summary="Liveness")
@@ -46,6 +49,8 @@ def _ready(service: Service) -> Health:
     bad = [FieldError(field=name, message=state) for name, state in checks.items() if state != "ok"]
     if bad:
         raise NotReadyError(" ".join(error.message for error in bad), errors=bad)
+    if service.standby is not None:
+        checks["standby"] = service.standby.problem or "ok"
     return Health(status="ready", checks=checks)
 
 

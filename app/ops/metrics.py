@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import nan
 
 from fastapi import APIRouter, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Histogram
@@ -14,6 +15,7 @@ from prometheus_client.registry import Collector
 from sqlalchemy.orm import Session
 
 from app.core.http import text_answer
+from app.core.standby.use import Standby
 from app.core.tables import DRIVE_STATUSES
 from app.core.telemetry.ledger import totals_of_all
 from app.core.telemetry.measures import MEASURES, Measure, Totals
@@ -42,6 +44,12 @@ GAUGES = {
     "workers": "Processes that take drives from the queue and are alive.",
 }
 """Gauges without labels: what stands behind ``versant_`` in their names, and their meaning."""
+STANDBY = {
+    "standby_used": "1 while the map is read from the standby, 0 while it is read from the primary.",
+    "standby_lag_seconds": "How old the map on the standby is at most; NaN while nobody knows.",
+    "standby_passed_on": "Requests that the primary answered because the standby failed at them, since its start.",
+}
+"""Where VERSANT_DATABASE_READ_URL names a standby, without labels, of the process."""
 METHODS = frozenset({"GET", "HEAD", "POST", "DELETE", "OPTIONS", "PUT", "PATCH"})
 
 EXAMPLE = 'versant_drives{status="done"} 12.0\n'
@@ -115,6 +123,8 @@ class Metrics(Collector):
             LABELS[refused],
             registry=self.registry,
         )
+        self.standby: Standby | None = None
+        """Of the process; None: all is read from the primary."""
         self._read_gauges = read_gauges
         self.registry.register(self)
 
@@ -130,6 +140,8 @@ class Metrics(Collector):
 
     def collect(self) -> Iterator[families.Metric]:
         """The figures of this moment; only ``versant_database_up 0`` while there is no database."""
+        if self.standby is not None:
+            yield from _of_standby(self.standby)
         gauges = self._read_gauges()
         yield families.GaugeMetricFamily(
             "versant_database_up", "1 while the database answers.", value=float(gauges is not None)
@@ -153,6 +165,13 @@ class Metrics(Collector):
             failed.add_metric([kind], count)
         yield failed
         yield from (_family(measure, gauges.totals) for measure in MEASURES)
+
+
+def _of_standby(standby: Standby) -> Iterator[families.Metric]:
+    lag_s = standby.lag_s
+    values = (float(standby.used), nan if lag_s is None else lag_s, float(standby.passed_on))
+    for (name, meaning), value in zip(STANDBY.items(), values, strict=True):
+        yield families.GaugeMetricFamily(f"versant_{name}", meaning, value=value)
 
 
 def _family(measure: Measure, totals: Totals) -> families.Metric:

@@ -16,9 +16,11 @@ from sqlalchemy.orm import Session
 
 from app.core import migrate, mirror
 from app.core.blobs import BlobStore
-from app.core.db import Sessions
+from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.filesystems import file_system, free_bytes
 from app.core.settings import Settings
+from app.core.standby import store as standby
+from app.core.standby.use import standby_url
 from app.core.version import code_version
 from app.drives.store import unreferenced_blobs
 from app.ops import store as figures
@@ -34,8 +36,11 @@ LONG_WAIT_S = 3600.0
 """Drives that wait longer make a warning."""
 LONG_BEHIND_S = 600.0
 """What is derived from segments and is farther behind makes a warning."""
+FAR_BEHIND_BYTES = 64 * 2**20
+"""Of the log, by which a standby is behind: makes a warning."""
 SKEW_WARN_S, SKEW_FAIL_S = 2.0, 60.0
 _MIB = 2**20
+_BRIEFLY = Patience(5.0, 5.0, 5.0)
 
 
 @dataclass(frozen=True)
@@ -154,6 +159,33 @@ def _database(settings: Settings, session: Session) -> Iterator[Finding]:
     finding = standing.sentence or f"The database is at migration {standing.revision}, as this program."
     state: State = "warn" if standing.newer else "ok"
     yield Finding("schema", state, finding, "Update the program." * standing.newer)
+
+
+def _standby(settings: Settings, session: Session) -> Iterator[Finding]:
+    if (url := standby_url(settings)) is None:
+        return
+    advice = (
+        "The API reads the map from the primary meanwhile. See to the standby (VERSANT_DATABASE_READ_URL)."
+    )
+    engine = make_engine(url, pool_size=1, pooled=settings.database_pooled, patience=_BRIEFLY)
+    try:
+        with session_factory(engine)() as there:
+            here, now = standby.written(session), standby.replayed(there)
+            schema = migrate.standing(there)
+    except SQLAlchemyError as error:
+        reason = " ".join(str(getattr(error, "orig", None) or error).split())
+        yield Finding("standby", "fail", f"It does not answer: {reason}", advice)
+        return
+    finally:
+        engine.dispose()
+    behind = max(here.lsn - now.lsn, 0)
+    problem = standby.unfit(now, here) or (None if schema.usable else schema.sentence)
+    if problem is not None:
+        yield Finding("standby", "fail", problem, advice)
+    elif behind > FAR_BEHIND_BYTES:
+        yield Finding("standby", "warn", f"It is {behind / _MIB:.0f} MiB of log behind.", advice)
+    else:
+        yield Finding("standby", "ok", f"It is {behind} bytes of log behind.")
 
 
 def _roles(settings: Settings, session: Session) -> Iterator[Finding]:
@@ -276,6 +308,7 @@ _LOOKS: tuple[tuple[str, _Look], ...] = (
 )
 _DATABASE_LOOKS: dict[str, _DatabaseLook] = {
     "database": _database,
+    "standby": _standby,
     "roles": _roles,
     "clocks": _clock,
     "queue": _queue,

@@ -1,12 +1,17 @@
 """A soak: a real service under clients, imports and SIGKILL at random, and whether it is right when it rests.
 
-    PYTHONPATH=.:benchmarks python -m soak [--seconds 600] [--seed N] [--logs 40] [--keep DIR] [--json FILE]
+    PYTHONPATH=.:benchmarks python -m soak [--seconds 600] [--seed N] [--logs 40] [--machines 2] [--keep DIR]
+        [--json FILE]
 
 An embedded cluster, an API and two workers run as ``versant up`` runs them. Two clients upload short drives through the
 simulated town (some gzipped, some by a method that says slopes alone), delete them, ask for one or all anew and look;
 an operator imports roads: the same again, some nodes moved, a street missing, and is cut off at times; a killer kills
 the API, workers, PostgreSQL's postmaster and its backends. For the last third of the time the roads stay as they are by
 then. All of it follows the seed, but for its timing. Then everything is left alone until nothing is left to be done.
+
+With ``--machines 2`` the service is spread (``fleet``): PgBouncer before the database, a hot standby, three APIs of
+which two read from it, two machines of six lanes. PgBouncer and the standby are killed as well, and connections are
+counted.
 
 Wrong is whatever is not 0 in the second table, fewer than 99 % of the driven segments within 0.1 sigma of a computation
 from scratch (the drives that are there, on the roads that are there, one after the other, settled), and any farther
@@ -24,6 +29,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +40,7 @@ from app.network.settle import settle_network
 from soak import judging
 from soak.acts import Actor, Client, Killer, Ledger, Operator
 from soak.disturbed import Disturbed, disturbed
+from soak.fleet import fleet
 from soak.judging import Far
 from soak.material import Material, make_material
 from soak.scratch import from_scratch
@@ -66,6 +73,8 @@ class Result:
     """None where a computation from scratch would show nothing: not all is at rest."""
     said: list[str]
     """Why drives failed."""
+    connections: list[dict[str, float | str]]
+    """Of several machines: by where they lead and what they call themselves, at once."""
 
     @property
     def good(self) -> bool:
@@ -87,13 +96,16 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=LONG_S)
     parser.add_argument("--seed", type=int, default=secrets.randbelow(10_000), help="default: any")
     parser.add_argument("--logs", type=int, default=40)
+    parser.add_argument(
+        "--machines", type=int, default=1, help="with lanes; more than 1: PgBouncer, a standby, 3 APIs"
+    )
     parser.add_argument("--keep", type=Path, metavar="DIR", help="an empty folder to work in, which stays")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     folder = args.keep or Path(tempfile.mkdtemp(prefix="versant-soak-"))
     folder.mkdir(parents=True, exist_ok=True)
     print(f"soak of {args.seconds:.0f} s, --seed {args.seed}", flush=True)
-    result = soak(folder, args.seconds, args.seed, args.logs)
+    result = soak(folder, args.seconds, args.seed, args.logs, args.machines)
     show_progress("")
     for line in report(result):
         print(line)
@@ -104,10 +116,10 @@ def main() -> None:
         shutil.rmtree(folder)
 
 
-def soak(folder: Path, seconds: float, seed: int, logs: int) -> Result:
+def soak(folder: Path, seconds: float, seed: int, logs: int, machines: int = 1) -> Result:
     """Run it in a folder."""
     material = make_material(folder, logs, seed)
-    with disturbed(folder) as service:
+    with disturbed(folder) if machines == 1 else fleet(folder, machines) as service:
         for command in (
             ("import-roads", str(material.maps["as it is"]), "--region", "soak"),
             ("import-dem", str(material.dem)),
@@ -115,12 +127,14 @@ def soak(folder: Path, seconds: float, seed: int, logs: int) -> Result:
             if service.begin(*command).wait():
                 raise RuntimeError(f"{command[0]} failed: {service.log.read_text()[-2000:]}")
         ledger = Ledger()
-        operator, began = disturb(service, ledger, material, seconds, seed)
+        with nullcontext() if service.connections is None else service.connections.counted():
+            operator, began = disturb(service, ledger, material, seconds, seed)
         remains = come_to_rest(service, operator)
         rest_s = time.monotonic() - began
         wrong, there, said = judging.drives_at_the_end(service, ledger, material)
         distance = None
         if not remains:
+            wrong["other tiles"] = judging.other_tiles(service, material)
             at_once = judging.slopes_of(service.url)
             _settle(service)
             settled = judging.slopes_of(service.url)
@@ -138,6 +152,7 @@ def soak(folder: Path, seconds: float, seed: int, logs: int) -> Result:
             rest_s,
             distance,
             said,
+            [] if service.connections is None else service.connections.rows(),
         )
 
 
@@ -211,6 +226,9 @@ def report(result: Result) -> list[str]:
     rows = [{"found": name, "count": count} for name, count in result.wrong.items()]
     lines = [text_table(acts, {"act": ("done", ""), "times": ("times", "d"), "ended": ("ended", "")}), ""]
     lines += [text_table(rows, {"found": ("wrong", ""), "count": ("count", "d")}), ""]
+    if result.connections:
+        columns = {"what": ("connections at once", ""), "mean": ("mean", ".1f"), "most": ("most", "d")}
+        lines += [text_table(result.connections, columns), ""]
     lines += result.said
     lines.append(
         f"{result.drives} drives are there, {result.orphans} logs without one; at rest after {result.rest_s:.0f} s."

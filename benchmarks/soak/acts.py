@@ -29,8 +29,9 @@ GZIPPED = 0.3
 """Share of the uploads."""
 CUT_OFF, SAME_ROADS = 0.15, 0.3
 """Shares of the imports."""
-KILLED = {"worker": 5, "API": 2, "postmaster": 2, "backend": 2}
-"""How often each."""
+KILLED = {"worker": 5, "API": 2, "postmaster": 2, "backend": 2, "PgBouncer": 2, "standby": 2}
+"""How often each, of those that there are."""
+TILE_PATH = "/tiles/{0.z}/{0.x}/{0.y}.mvt"
 METHODS = ("profile", "profile", "profile", "raw")
 """Some drives say slopes alone, which are combined with those of the network."""
 
@@ -70,14 +71,15 @@ class Ledger:
 class Api:
     """The service over HTTP, and how it answered."""
 
-    def __init__(self, service: Disturbed, ledger: Ledger) -> None:
-        self._ledger = ledger
-        self._http = httpx.Client(base_url=service.service.address, timeout=ANSWER_S, trust_env=False)
+    def __init__(self, service: Disturbed, ledger: Ledger, rng: random.Random) -> None:
+        self._addresses, self._ledger, self._rng = service.parts.addresses, ledger, rng
+        self._http = httpx.Client(timeout=ANSWER_S, trust_env=False)
 
     def ask(self, act: str, method: str, path: str, content: bytes | None = None) -> httpx.Response | None:
         """The answer, noted; None where there was none."""
+        address = self._rng.choice(self._addresses)
         try:
-            answer = self._http.request(method, path, content=content)
+            answer = self._http.request(method, address + path, content=content)
         except httpx.TransportError:
             self._ledger.count(act, "no answer")
             time.sleep(AGAIN_S)
@@ -95,7 +97,7 @@ class Actor(ABC):
 
     def __init__(self, service: Disturbed, ledger: Ledger, rng: random.Random, over: threading.Event) -> None:
         self.service, self.ledger, self.rng, self.over = service, ledger, rng, over
-        self.api = Api(service, ledger)
+        self.api = Api(service, ledger, rng)
         self.error: BaseException | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -139,12 +141,14 @@ class Client(Actor):
     ) -> None:
         super().__init__(service, ledger, rng, over)
         self._logs, self._mean_s = material.logs, pause_s
+        self._map = [*map(TILE_PATH.format, material.tiles), "/collections/segments/items?driven=true"]
         self._acts: dict[Callable[[], None], int] = {
             self._upload: 12,
             self._delete: 4,
             self._reprocess: 4,
             self.api.reprocess_all: 1,
             self._look: 4,
+            self._look_at_map: 4,
         }
 
     def pause_s(self) -> float:
@@ -186,6 +190,9 @@ class Client(Actor):
         self.api.ask(
             "look", "GET", "/v1/drives" if drive is None or self.rng.random() < 0.5 else f"/v1/drives/{drive}"
         )
+
+    def _look_at_map(self) -> None:
+        self.api.ask("look at the map", "GET", self.rng.choice(self._map))
 
     def _some_drive(self) -> str | None:
         drives = self.ledger.drives()
@@ -268,7 +275,8 @@ class Killer(Actor):
 
     def act(self) -> None:
         """Kill something."""
-        kind = self._first[-1] if self._first else self.rng.choices(list(KILLED), list(KILLED.values()))[0]
+        often = {kind: n for kind, n in KILLED.items() if kind in self.service.kills}
+        kind = self._first[-1] if self._first else self.rng.choices(list(often), list(often.values()))[0]
         killed = self.service.kills[kind](self.rng)
         self.ledger.count(f"kill, {kind}", "done" if killed else "spared")
         if killed and self._first:

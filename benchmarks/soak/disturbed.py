@@ -11,23 +11,24 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Protocol
 
 import psycopg
 
-from app.cli.children import Child, Watched, child_environment
+from app.cli.children import Child, Children, Watched, child_environment
 from app.cli.console import Console
 from app.cli.database import open_cluster
 from app.cli.supervisor import DatabaseWatch, Service
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
-from app.embedded.postmaster import running_postmaster
+from soak.servers import kill_server
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -60,18 +61,53 @@ class Diary(Console):
             file.write(f"{datetime.now(UTC):%H:%M:%S} {text}\n")
 
 
-class Disturbed:
-    """A running service; what kills returns whether there was something to kill."""
+class Counting(Protocol):
+    """Something that is counted while the service is disturbed."""
 
-    def __init__(self, service: Service, cluster: EmbeddedPostgres, log: Path) -> None:
-        self.service, self.cluster, self.log = service, cluster, log
-        self.settings = service.settings
-        self.url = libpq_url(str(self.settings.database_url))
-        self.kills: Mapping[str, Callable[[random.Random], bool]] = {
+    def counted(self) -> AbstractContextManager[None]:
+        """Count within the block."""
+
+    def rows(self) -> list[dict[str, float | str]]:
+        """What was counted: ``what``, ``mean``, ``most``."""
+
+
+Kill = Callable[[random.Random], bool]
+"""Whether there was something to kill."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a service is made of."""
+
+    settings: Settings
+    """Those of its commands."""
+    apis: Sequence[Child]
+    addresses: Sequence[str]
+    """Of the APIs."""
+    workers: Sequence[Child]
+
+
+class Disturbed:
+    """A running service."""
+
+    def __init__(
+        self,
+        parts: Parts,
+        cluster: EmbeddedPostgres,
+        log: Path,
+        more: Mapping[str, Kill] = MappingProxyType({}),
+        connections: Counting | None = None,
+    ) -> None:
+        """``more``: what else can be killed; ``connections``: what counts them."""
+        self.parts, self.cluster, self.log, self.connections = parts, cluster, log, connections
+        self.settings = parts.settings
+        self.url = libpq_url(str(self.settings.session_url))
+        self.kills: Mapping[str, Kill] = {
             "API": self._kill_api,
             "worker": self._kill_worker,
-            "postmaster": self._kill_postmaster,
+            "postmaster": lambda _: kill_server(cluster.log_path.parents[1]),
             "backend": self._kill_backend,
+            **more,
         }
 
     def ask(self, query: str, *values: Any) -> list[tuple[Any, ...]]:
@@ -91,7 +127,7 @@ class Disturbed:
             )
 
     def _kill_api(self, rng: random.Random) -> bool:
-        return _kill_child(self.service.children[0])
+        return _kill_child(rng.choice(self.parts.apis))
 
     def _kill_worker(self, rng: random.Random) -> bool:
         try:
@@ -99,17 +135,13 @@ class Disturbed:
                 return False
         except psycopg.Error:  # the database is down: a good moment
             pass
-        process = self.service.children[1].process
+        process = rng.choice(self.parts.workers).process
         if process is None or process.pid is None:
             return False
         with suppress(OSError):  # one of the lanes, or what they are forked from
             lanes = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
             return _kill(rng.choice([process.pid, *map(int, lanes)]))
         return False
-
-    def _kill_postmaster(self, rng: random.Random) -> bool:
-        server = running_postmaster(self.settings.data_dir / "postgres" / "data")
-        return server is not None and _kill(server.pid)
 
     def _kill_backend(self, rng: random.Random) -> bool:
         """PostgreSQL takes all others along and repairs itself."""
@@ -120,39 +152,48 @@ class Disturbed:
         return bool(backends) and _kill(rng.choice(backends)[0])
 
 
-@contextmanager
-def disturbed(folder: Path) -> Iterator[Disturbed]:
-    """Start it in ``folder`` and keep it running until the block ends."""
-    settings = Settings(
-        data_dir=folder / "data",
+def short_waits(**more: Any) -> Settings:
+    """The settings that every machine has."""
+    return Settings(
         access="open",
         port=0,
-        worker_concurrency=WORKERS,
         heartbeat_interval_s=HEARTBEAT_S,
         stalled_after_s=STALLED_S,
         publish_every_s=PUBLISH_EVERY_S,
+        **more,
     )
+
+
+@contextmanager
+def disturbed(folder: Path) -> Iterator[Disturbed]:
+    """Start it in ``folder`` and keep it running until the block ends."""
+    settings = short_waits(data_dir=folder / "data", worker_concurrency=WORKERS)
     log = folder / "service.log"
     with open_cluster(settings) as cluster:
         service = Service(
             settings.model_copy(update={"database_url": cluster.url}), Diary(path=log), cluster=cluster
         )
-        for child in service.children:
-            # The shell becomes the child: signals reach it.
-            child.command = ["/bin/sh", "-c", 'log=$0; exec "$@" >>"$log" 2>&1', str(log), *child.command]
-        with service, _looked_after(service, cluster):
-            yield Disturbed(service, cluster, log)
+        log_into(log, service)
+        with service, looked_after(service, DatabaseWatch(cluster)):
+            api, workers = service.children
+            yield Disturbed(Parts(service.settings, [api], [service.address], [workers]), cluster, log)
+
+
+def log_into(log: Path, service: Children) -> None:
+    """Let everything that the children print go into a file."""
+    for child in service.children:
+        # The shell becomes the child: signals reach it.
+        child.command = ["/bin/sh", "-c", 'log=$0; exec "$@" >>"$log" 2>&1', str(log), *child.command]
 
 
 @contextmanager
-def _looked_after(service: Service, cluster: EmbeddedPostgres) -> Iterator[None]:
+def looked_after(service: Children, *others: Watched) -> Iterator[None]:
     """As ``versant up`` does, in a thread."""
     over = threading.Event()
 
     def look() -> None:
-        parts: tuple[Watched, ...] = (DatabaseWatch(cluster), *service.children)
         while not over.wait(_LOOK_EVERY_S):
-            for part in parts:
+            for part in (*others, *service.children):
                 part.look_after(service.console)
 
     thread = threading.Thread(target=look)

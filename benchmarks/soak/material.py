@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from accuracy.scoring import show_progress
+from app.map.tiles.road_store import Place
+from app.map.tiles.store import column_of, row_of
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.plan import GROUND
 from fusion.simulate.scene.town import Town, make_town
@@ -22,6 +24,7 @@ DURATION_S = (60.0, 120.0)
 RECEIVERS = ("m8", "f9p")
 """Both state the accuracy of their heights: nothing that a drive says of itself depends on who drove before."""
 
+TILE_ZOOM = 14
 MOVED_NODES = 6
 MOVED_DEG = 3e-5
 """Two or three metres: as when somebody draws a street anew."""
@@ -35,6 +38,8 @@ class Material:
     maps: Mapping[str, Path]
     """The town as it is, with nodes that moved, and without a way."""
     dem: Path
+    tiles: tuple[Place, ...] = ()
+    """Those of single segments over the town."""
 
     @cached_property
     def log_of(self) -> dict[str, int]:
@@ -61,7 +66,13 @@ def make_material(folder: Path, count: int, seed: int) -> Material:
         maps[name] = folder / f"town {name}.osm"
         write_osm(drawn, maps[name])
     write_dem(town, folder / "dem.tif")
-    return Material(tuple(logs), maps, folder / "dem.tif")
+    return Material(tuple(logs), maps, folder / "dem.tif", _tiles_over(town))
+
+
+def _tiles_over(town: Town) -> tuple[Place, ...]:
+    columns = {column_of(TILE_ZOOM, lon) for lon in town.node_lon_deg.tolist()}
+    rows = {row_of(TILE_ZOOM, lat) for lat in town.node_lat_deg.tolist()}
+    return tuple(Place(TILE_ZOOM, x, y) for x in sorted(columns) for y in sorted(rows))
 
 
 def with_moved_nodes(town: Town, rng: np.random.Generator) -> Town:

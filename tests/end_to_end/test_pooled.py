@@ -19,7 +19,8 @@ import pytest
 
 from app.map.tiles.store import column_of, row_of
 from fusion.simulate.demonstration import Demonstration
-from pooler_fixtures import Pooler, pooler, servers_of
+from pooler_fixtures import Pooler, pooler
+from soak.servers import PgBouncer
 from tests.end_to_end.conftest import COMMAND_S, REPOSITORY, START_S, STOP_S, await_true, environment
 
 __all__ = ["pooler"]
@@ -34,7 +35,7 @@ ZOOM = 14
 class Pooled:
     """API and workers as processes of their own, on a database behind PgBouncer."""
 
-    url: str
+    pooler: PgBouncer
     direct_url: str
     data_dir: Path
     address: str
@@ -44,7 +45,7 @@ class Pooled:
     def settings(self) -> dict[str, str]:
         """The environment of every process of it."""
         return environment(
-            VERSANT_DATABASE_URL=self.url,
+            VERSANT_DATABASE_URL=self.pooler.url,
             VERSANT_DATABASE_POOLED="true",
             VERSANT_DATABASE_DIRECT_URL=self.direct_url,
             VERSANT_DATA_DIR=str(self.data_dir),
@@ -90,11 +91,13 @@ class Pooled:
 @pytest.fixture
 def service(pooler: Pooler, database_url: str, simulated: Demonstration, tmp_path: Path) -> Iterator[Pooled]:
     with ExitStack() as stack:
-        url = stack.enter_context(pooler(database_url, SERVERS))
+        pgbouncer = stack.enter_context(pooler(database_url, SERVERS))
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
         (tmp_path / "logs").mkdir()
-        one = Pooled(url, database_url, tmp_path / "data", f"http://127.0.0.1:{port}", tmp_path / "logs")
+        one = Pooled(
+            pgbouncer, database_url, tmp_path / "data", f"http://127.0.0.1:{port}", tmp_path / "logs"
+        )
         one.versant("migrate")
         one.versant("import-roads", simulated.osm)
         one.versant("import-dem", simulated.dem)
@@ -125,7 +128,7 @@ def test_everything_goes_through_fewer_connections_than_there_are_processes(
 
     def watch() -> None:
         while not over.wait(0.2):
-            most[0] = max(most[0], servers_of(service.url))
+            most[0] = max(most[0], service.pooler.connections()[1])
 
     watching = threading.Thread(target=watch)
     watching.start()

@@ -70,11 +70,17 @@ class Places(BaseSettings):
     """PostgreSQL with PostGIS, as postgresql://user:password@host:port/name; unset: the embedded cluster in
     data_dir."""
     database_pooled: bool = False
-    """Whether DATABASE_URL leads through a pooler in transaction mode, such as PgBouncer: then nothing is kept in a
-    connection beyond a transaction."""
+    """Whether DATABASE_URL or DATABASE_READ_URL leads through a pooler in transaction mode, such as PgBouncer: then
+    nothing is kept in a connection beyond a transaction."""
     database_direct_url: Annotated[str, AfterValidator(sqlalchemy_url)] | None = Field(None, repr=False)
     """The same database past the pooler, for what needs a connection for itself: hearing of jobs and changes,
     migrations, backups. Unset: DATABASE_URL; through a pooler jobs and changes are then looked for every second."""
+    database_read_url: Annotated[str, AfterValidator(sqlalchemy_url)] | None = Field(None, repr=False)
+    """A hot standby of the same database, one server, from which the API reads the map: tiles, items, heights. Unset:
+    it reads everything from DATABASE_URL, as it does whenever the standby is away or too far behind."""
+    database_read_lag_s: float = Field(5.0, ge=2, le=3600)
+    """Seconds that the map which is read from DATABASE_READ_URL may be behind the database; what is farther behind is
+    read from DATABASE_URL."""
     data_dir: Annotated[Path, AfterValidator(_absolute)] = Field(default_factory=default_data_dir)
     """Folder of the embedded cluster, of uploaded logs and of elevation rasters; default $XDG_DATA_HOME/versant or
     ~/.local/share/versant."""

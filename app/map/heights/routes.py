@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from app.core.errors import BadRequestError
 from app.core.http import OfTheMap, Service, ServiceDep, problems
+from app.core.standby.use import MapRoute
 from app.map.heights import places as reading
 from app.map.heights.road_heights import OnRoad, RoadHeight, along_line, heights_of, nearest
 from app.map.heights.store import roads_near
@@ -125,7 +126,7 @@ class Elevations(OfTheMap, json_schema_extra={"examples": [ELEVATIONS_EXAMPLE]})
     attribution: str
 
 
-router = APIRouter(tags=["heights"])
+router = APIRouter(tags=["heights"], route_class=MapRoute)
 
 
 _HEIGHTS_ROUTE: dict[str, Any] = {

@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from app.core.errors import NotFoundError
 from app.core.http import JSON, BaseUrl, Link, Service, ServiceDep, link, link_documents
 from app.core.query import refuse_unknown
+from app.core.standby.use import MapRoute
 from app.core.text import GEO_JSON, utc_text
 from app.map.coverage import cached_extent, dem_names
 from app.map.items import pages
@@ -30,7 +31,7 @@ from app.network.cells import last_change
 GREGORIAN = "http://www.opengis.net/def/uom/ISO-8601/0/Gregorian"
 _EXAMPLE = {"id": "segments", "title": "Slopes of road segments", "itemType": "feature", "links": []}
 
-router = APIRouter(tags=["map"])
+router = APIRouter(tags=["map"], route_class=MapRoute)
 unknown = APIRouter(include_in_schema=False)
 """What is asked of collections that do not exist. After all other routes."""
 

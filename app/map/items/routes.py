@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 
 from app.core.http import BaseUrl, Link, Service, ServiceDep, existing, link, link_documents
 from app.core.settings import Settings
+from app.core.standby.use import MapRoute
 from app.core.text import GEO_JSON, dumps, utc_text
 from app.map.coverage import dem_names, dem_names_at
 from app.map.items import pages, store
@@ -134,7 +135,7 @@ _SINCE = {True: (410,), False: ()}
 """What else may be wrong where ``updated_since`` names a version."""
 ItemId = Annotated[int, Path(ge=1, le=MAX_ID, description="The item's number.", examples=[17])]
 
-router = APIRouter(tags=["map"])
+router = APIRouter(tags=["map"], route_class=MapRoute)
 
 
 def items_answer(request: Request, service: Service, base: str, collection: Collection) -> Response:

@@ -15,6 +15,7 @@ from app.core.db import Bounds
 from app.core.errors import BadQueryError
 from app.core.http import JSON, REVALIDATE, BaseUrl, ServiceDep, json_answer, problems, unless_known
 from app.core.query import refuse_unknown
+from app.core.standby.use import MapRoute
 from app.core.text import dumps
 from app.map.coverage import cached_crowd
 from app.map.style.layers import DARK, LIGHT, SOURCE, layers
@@ -65,7 +66,7 @@ StackPath = Annotated[
 RangePath = Annotated[str, Path(description="256 characters, by number.", examples=["0-255"])]
 FilePath = Annotated[str, Path(description=f"One of {', '.join(FILES)}.", examples=["versant.json"])]
 
-router = APIRouter(tags=["tiles"])
+router = APIRouter(tags=["tiles"], route_class=MapRoute)
 
 _UNCHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "Unchanged since the ETag."}}
 

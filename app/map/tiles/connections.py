@@ -17,7 +17,7 @@ from psycopg import AsyncConnection
 from psycopg.pq import DiagnosticField, ExecStatus
 from psycopg.pq.abc import PGcancel, PGconn, PGresult
 
-from app.core.db import Patience, server_options, transaction_options
+from app.core.db import Patience, lost_connection, server_options, transaction_options
 from app.core.disconnects import AGAIN_S
 from app.core.settings.places import libpq_url
 
@@ -51,8 +51,10 @@ class Connections:
         self._at_work[task] = connection.pgconn.get_cancel()
         try:
             yield connection
-        except BaseException:
+        except BaseException as error:
             await end(connection)
+            if (lost := lost_connection(error)) is not None:
+                raise lost from error
             raise
         finally:
             del self._at_work[task]

@@ -31,6 +31,7 @@ from app.core.errors import NotFoundError, ServiceError
 from app.core.http import REVALIDATE, is_named
 from app.core.problems import database_error, service_error
 from app.core.settings import Settings
+from app.map.tiles.servers import MapTiles
 from app.map.tiles.store import SEGMENTS, WAYS, Address
 from app.map.tiles.tiles import Tile, Tiles, plain
 
@@ -58,9 +59,9 @@ Headers = list[tuple[bytes, bytes]]
 Wait = Callable[[Coroutine[Any, Any, Tile]], Awaitable[Tile]]
 
 
-def tiles_of(state: Any) -> Tiles:
+def tiles_of(state: Any) -> MapTiles:
     """The tiles of the map that the present caller sees."""
-    tiles: Tiles = state.edition_tiles if present_caller().sees == "edition" else state.tiles
+    tiles: MapTiles = state.edition_tiles if present_caller().sees == "edition" else state.tiles
     return tiles
 
 
@@ -95,9 +96,9 @@ class TileFront:
             return
         scope["route"] = SimpleNamespace(path=path.route)  # log and metrics name a request by it
         scope["path_params"] = {"z": path.at.z, "x": path.at.x, "y": path.at.y}
-        tiles = tiles_of(scope["app"].state)
+        tiles, wait = tiles_of(scope["app"].state), _unless_client_leaves(receive)
         try:
-            reply = await answer(tiles, path.at, scope["headers"], _unless_client_leaves(receive))
+            reply = await tiles.first(lambda: answer(tiles.now, path.at, scope["headers"], wait))
         except ClientDisconnect:
             reply = Answer(CLIENT_GONE, [], b"")
         except ServiceError as error:

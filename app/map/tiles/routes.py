@@ -28,6 +28,7 @@ from app.core.http import (
     with_query,
 )
 from app.core.query import refuse_unknown
+from app.core.standby.use import MapRoute
 from app.core.text import GEO_JSON
 from app.map.coverage import dem_names
 from app.map.segment import HEIGHT_DATUM, attribution
@@ -53,7 +54,7 @@ ColumnPath = Annotated[
 ]
 RowPath = Annotated[int, Path(ge=0, description="Row from the north.", examples=[5634])]
 
-router = APIRouter(tags=["tiles"])
+router = APIRouter(tags=["tiles"], route_class=MapRoute)
 
 MVT_ANSWER: dict[str, Any] = {
     "description": "The tile: one layer, named as the collection is; a segment's or way's id is its feature's id.",
@@ -84,7 +85,8 @@ async def vector_tile(request: Request, at: Address) -> Response:
     """The answer of a route to a request for a vector tile."""
     # Requests that have a class got their place before the route (``app.core.admission``).
     is_admitted = class_of_request("GET", request.url.path) is not None
-    reply = await answer(tiles_of(request.app.state), at, request.scope["headers"], is_admitted=is_admitted)
+    tiles = tiles_of(request.app.state).now
+    reply = await answer(tiles, at, request.scope["headers"], is_admitted=is_admitted)
     response = Response(reply.body, reply.status)
     response.raw_headers = reply.headers
     return response
@@ -175,7 +177,7 @@ Column = Annotated[
     int, Path(ge=0, description="Column from the antimeridian eastwards.", examples=[8579], alias="tileCol")
 ]
 
-ogc_router = APIRouter(tags=["tiles"])
+ogc_router = APIRouter(tags=["tiles"], route_class=MapRoute)
 
 _LIST: dict[int | str, dict[str, Any]] = {
     200: json_answer(

@@ -122,11 +122,17 @@ _DROP = """
 # Who wrote the row is part of the epoch: what a dump brings back was written by another transaction.
 _EPOCH = "(SELECT epoch || CAST(xmin AS text) FROM tile_epoch)"
 _CELL = "c.id, c.version, c.drawn_version, CAST(extract(epoch FROM c.changed_at) * 1000000 AS bigint)"
-_NOW = "CAST(pg_current_snapshot() AS text)"
+# A standby's snapshot does not list what runs: of what began since its lowest number anything may still come.
+_NOW = """
+    CASE WHEN pg_is_in_recovery()
+         THEN (SELECT concat(x, ':', x, ':') FROM pg_snapshot_xmin(pg_current_snapshot()) AS x)
+         ELSE CAST(pg_current_snapshot() AS text) END
+"""
+_REPLAYED = "coalesce(CAST(pg_last_wal_replay_lsn() AS text), '')"
 # Exact in whatever order transactions end: what the former look has not seen has a number that its snapshot does not
 # hold. Numbers that this server has not given out yet come from another one; all was read when that was noticed.
 _LOOK = f"""
-    SELECT {_EPOCH}, {_NOW},
+    SELECT {_EPOCH}, {_NOW}, {_REPLAYED},
            (SELECT array_agg(ARRAY[{_CELL}]) FROM cells AS c
             WHERE c.changed_xid >= {{lowest}}
                 AND NOT pg_visible_in_snapshot(CAST(CAST(c.changed_xid AS text) AS xid8), {{seen}})
@@ -135,9 +141,11 @@ _LOOK = f"""
 _PREPARED = b"versant_look"
 _PREPARE = f"PREPARE {_PREPARED.decode()} (bigint, pg_snapshot) AS {_LOOK.format(lowest='$1', seen='$2')}"
 _ALL = f"""
-    SELECT {_EPOCH}, {_NOW}, {_CELL} FROM (SELECT 1) AS always LEFT JOIN cells AS c ON true
+    SELECT {_EPOCH}, {_NOW}, {_REPLAYED}, {_CELL} FROM (SELECT 1) AS always LEFT JOIN cells AS c ON true
 """  # noqa: S608 - constants
 
+
+_HAS_REPLAYED = "SELECT pg_last_wal_replay_lsn() >= CAST(%s AS pg_lsn)"
 
 _NUMBER = re.compile(rb"-?\d+")
 _SNAPSHOT = re.compile(r"\d+:\d+:[\d,]*")
@@ -157,10 +165,11 @@ class Address(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What is new since a former look: in which epoch, the snapshot, and cells as they are now."""
+    """What is new since a former look: in which epoch, the snapshot, how far a standby was, and cells as they are."""
 
     epoch: str
     snapshot: str
+    replayed: str
     cells: list[CellVersion]
 
 
@@ -179,11 +188,12 @@ def send_whole_look(begin: bytes, server: PGconn, seen: str) -> None:
 
 def look_answer(result: PGresult) -> Look:
     """What a look found."""
-    epoch, snapshot, cells = (result.get_value(0, k) or b"" for k in range(3))
+    *when, cells = (result.get_value(0, k) or b"" for k in range(4))
+    epoch, snapshot, replayed = (value.decode() for value in when)
     if not cells:
-        return Look(epoch.decode(), snapshot.decode(), [])
+        return Look(epoch, snapshot, replayed, [])
     numbers = [int(number) for number in _NUMBER.findall(cells)]
-    return Look(epoch.decode(), snapshot.decode(), list(zip(*(numbers[k::4] for k in range(4)), strict=True)))
+    return Look(epoch, snapshot, replayed, list(zip(*(numbers[k::4] for k in range(4)), strict=True)))
 
 
 async def prepare_looks(connection: Connection) -> None:
@@ -195,7 +205,8 @@ async def look_at_all(connection: Connection) -> Look:
     """All cells."""
     cursor = await connection.execute(_ALL)
     rows: list[Any] = await cursor.fetchall()
-    return Look(rows[0][0], rows[0][1], [row[2:] for row in rows if row[2] is not None])
+    epoch, snapshot, replayed = rows[0][:3]
+    return Look(epoch, snapshot, replayed, [row[3:] for row in rows if row[3] is not None])
 
 
 async def lock_tile(connection: Connection, at: Address) -> None:
@@ -218,6 +229,21 @@ async def kept_or_made(
     state, values = state_question(place)
     kept, present = await _row(connection, _KEPT_OR_STATE.format(state=state), at, tag=tag, **values)
     return kept, b"" if kept is not None else await tile_of(connection, at.layer, place, present, known)
+
+
+async def has_replayed(connection: Connection, lsn: str) -> bool:
+    """Whether a standby shows all that one had replayed by then."""
+    cursor = await connection.execute(_HAS_REPLAYED, (lsn,))
+    return bool((await cursor.fetchall())[0][0])
+
+
+async def made(connection: Connection, at: Address, full_zoom: int, known: KnownRoads) -> bytes:
+    """The tile as it is now, not compressed, without a look at what is kept; ``known`` as in ``kept_or_made``."""
+    if not _is_of_segments(at, full_zoom):
+        return (await _row(connection, _MADE_AGAIN.format(tile=_tile(at)), at, most=NO_LIMIT))[0] or b""
+    state, values = state_question(Place(*at[1:]))
+    (present,) = await _row(connection, f"SELECT ({state})", at, **values)
+    return await tile_of(connection, at.layer, Place(*at[1:]), present, known)
 
 
 async def most_important(connection: Connection, at: Address, most: int | None) -> tuple[bytes, int]:

@@ -19,6 +19,7 @@ from app.core.admission import RequestClass, class_of_tile
 from app.core.db import Patience
 from app.core.errors import ServiceError
 from app.core.settings import Settings
+from app.core.standby.use import StandbyBehindError
 from app.core.telemetry.logs import tell
 from app.map.tiles import store
 from app.map.tiles.connections import Connection, Connections
@@ -87,8 +88,10 @@ class Tiles:
         settings: Settings,
         request_classes: Mapping[str, RequestClass],
         schema: str | None = None,
+        primary: Tiles | None = None,
     ) -> None:
-        """``schema``: of the map, as ``app.core.db.server_options`` has it; None: the live one."""
+        """``schema``: of the map, as ``app.core.db.server_options`` has it; None: the live one. ``primary``: those of
+        the database of which there is a standby at ``url``: then nothing is kept there, and memory is shared."""
         patience = Patience(settings.statement_timeout_s, settings.lock_timeout_s, settings.pool_timeout_s)
         self.settings = settings
         pooled = settings.database_pooled
@@ -97,8 +100,11 @@ class Tiles:
         """How many tiles this process has built."""
         self._classes = request_classes
         self._builders = Connections(url, patience, kept=settings.db_pool_size, schema=schema, pooled=pooled)
-        self._memory: Memory[Address, Tile] = Memory(settings.tile_memory_bytes)
-        self._roads: KnownRoads = Memory(settings.tile_memory_bytes)
+        self._at_standby = primary is not None
+        self._memory: Memory[Address, Tile] = (
+            Memory(settings.tile_memory_bytes) if primary is None else primary._memory
+        )
+        self._roads: KnownRoads = Memory(settings.tile_memory_bytes) if primary is None else primary._roads
         self._serial = count()
         self._flights: dict[tuple[Address, str], _Flight] = {}
         self._asked: Counter[Address] = Counter()
@@ -164,6 +170,8 @@ class Tiles:
         """Tell the database what was asked for, and have it take away what is too much."""
         counts, self._untold = self._untold, Counter()
         self._asked = Counter({at: n // 2 for at, n in self._asked.items() if n > 1})
+        if self._at_standby:
+            return
 
         async def work(connection: Connection) -> int:
             if counts:
@@ -218,7 +226,8 @@ class Tiles:
         if self._is_further_out(at):
             return Tile(NOTHING if at.layer == WAYS else etag, b"")
         async with nullcontext() if is_admitted else self._classes[class_of_tile(at.z)].place():
-            body = await self._builders.run(lambda connection: self._fetch(connection, at, etag))
+            fetch = self._fetch_anew if self._at_standby else self._fetch
+            body = await self._builders.run(lambda connection: fetch(connection, at, etag))
         if at.layer == WAYS:
             return Tile(f'W/"{md5(body, usedforsecurity=False).hexdigest()}"' if body else NOTHING, body)
         tile = Tile(etag, body)
@@ -246,6 +255,15 @@ class Tiles:
                 raise
             tell(logger, "tile not kept", level=logging.WARNING, reason=type(error).__name__)
         return body
+
+    async def _fetch_anew(self, connection: Connection, at: Address, _etag: str) -> bytes:
+        """The tile as a standby makes it, where nothing can be kept. ``StandbyBehindError`` where its data may be older
+        than those that the ETag was made of, as of another standby behind the same address."""
+        async with self._builders.transaction(connection):
+            if at.layer != WAYS and not await store.has_replayed(connection, self.watch.replayed):
+                raise StandbyBehindError("this standby is behind the one that was asked for the versions")
+            data = await store.made(connection, at, self.settings.tile_full_zoom, self._roads)
+            return await self._built(connection, at, data)
 
     async def _built(self, connection: Connection, at: Address, data: bytes) -> bytes:
         """The tile compressed; of a low zoom not larger than it may be, and not empty where there is anything."""

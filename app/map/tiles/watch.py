@@ -131,6 +131,8 @@ class Watch:
         self._connection: Connection | None = None
         self._asker: Asker | None = None
         self._snapshot = ""
+        self.replayed = ""
+        """Of a standby, how far it was in the log at the last look."""
         self._ending: asyncio.Task[None] | None = None
         self._reading: asyncio.Task[None] | None = None
         self._looking: list[asyncio.Future[None]] = []
@@ -200,7 +202,7 @@ class Watch:
             self._stop_asking()
             self._read_all()
             return
-        self._snapshot = look.snapshot
+        self._snapshot, self.replayed = look.snapshot, look.replayed
         if look.cells and self.versions.put(look.cells):
             self.changes += 1
             self._extend_changed([cell[0] for cell in look.cells])
@@ -257,7 +259,7 @@ class Watch:
             await self._disconnect()
             self._end_look(error)
             return
-        self.versions, self._snapshot = versions, look.snapshot
+        self.versions, self._snapshot, self.replayed = versions, look.snapshot, look.replayed
         self.changes += 1
         self._anything = True
         begin = self._connections.begin

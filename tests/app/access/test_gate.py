@@ -148,7 +148,7 @@ def test_a_process_that_hears_nothing_asks_each_time(guarded: Keyed, monkeypatch
     assert asked == []
     with guarded.web.sessions() as session:
         listening = text(
-            "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'versant access'"
+            "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'versant listens'"
         )
         session.execute(listening)
     wait_until(lambda: guarded.ask("anna", "GET", "/v1/drives").status_code == 200 and asked != [])

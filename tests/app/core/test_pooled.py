@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 import uuid
 from collections.abc import Callable, Iterator
@@ -9,13 +10,16 @@ from contextlib import ExitStack
 from typing import Any
 
 import httpx
+import psycopg
 import pytest
-from sqlalchemy import text
+from sqlalchemy import Connection, text
+from sqlalchemy.exc import OperationalError
 
 from app.core.claims import Claim
-from app.core.db import Patience, Sessions, make_engine, session_factory, snapshot
+from app.core.db import Patience, Sessions, begin_with, make_engine, session_factory, snapshot
 from app.core.settings import Settings
 from app.drives import claims
+from app.map.tiles.connections import Connections
 from pooler_fixtures import Pooler, pooler
 
 __all__ = ["pooler"]
@@ -33,7 +37,7 @@ Behind = Callable[..., Sessions]
 def behind(pooler: Pooler, database_url: str) -> Iterator[Behind]:
     """``behind(schema=..., patience=...)``: sessions behind a pooler with one connection to the server."""
     with ExitStack() as stack:
-        url = stack.enter_context(pooler(database_url, 1))
+        url = stack.enter_context(pooler(database_url, 1)).url
 
         def make(**options: Any) -> Sessions:
             engine = make_engine(url, pooled=True, **options)
@@ -98,3 +102,63 @@ def test_what_needs_a_connection_for_itself_goes_past_the_pooler(settings: Setti
     assert pooled.session_url == settings.database_url
     past = pooled.model_copy(update={"database_direct_url": direct})
     assert past.listen_url == past.session_url == direct
+
+
+def test_what_fails_at_the_begin_of_a_transaction_is_an_error_like_any_other(
+    database_url: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As where a pooler that has lost its server refuses the statement with which each transaction begins."""
+    engine, fails = make_engine(database_url, pool_size=1, max_overflow=0), [True]
+
+    def begin(connection: Connection) -> None:
+        driver: Any = connection.connection.driver_connection
+        if fails:
+            driver.execute("SELECT pg_terminate_backend(pg_backend_pid())")
+
+    begin_with(engine, begin)
+    sessions = session_factory(engine)
+    try:
+        with sessions() as session, pytest.raises(OperationalError):
+            session.execute(text("SELECT 1"))
+        fails.clear()
+        with sessions() as session:
+            assert session.execute(text("SELECT 1")).scalar_one() == 1
+    finally:
+        engine.dispose()
+    assert not [one for one in caplog.records if one.levelname == "ERROR"]
+
+
+@pytest.mark.parametrize("command", ["commit", "rollback"])
+def test_two_results_of_one_command_are_a_lost_connection(
+    database_url: str, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    """The server's last word, and that of the pooler before it."""
+    engine = make_engine(database_url, pool_size=1, max_overflow=0)
+    try:
+        with engine.connect() as connection:
+            before = connection.execute(text("SELECT pg_backend_pid()")).scalar_one()
+            with monkeypatch.context() as broken, pytest.raises(OperationalError):
+                broken.setattr(psycopg.Connection, command, told_twice)
+                getattr(connection, command)()
+            assert connection.invalidated
+        with engine.connect() as connection:
+            assert connection.execute(text("SELECT pg_backend_pid()")).scalar_one() != before
+    finally:
+        engine.dispose()
+
+
+def told_twice(connection: psycopg.Connection) -> None:
+    raise psycopg.InternalError("received 2 results from command 'COMMIT'")
+
+
+def test_and_of_a_connection_that_makes_tiles(database_url: str) -> None:
+    async def use() -> None:
+        connections = Connections(database_url, PATIENCE, kept=1)
+        try:
+            with pytest.raises(psycopg.OperationalError):
+                async with connections.one():
+                    raise psycopg.InternalError("received 2 results from command 'COMMIT'")
+        finally:
+            await connections.close()
+
+    asyncio.run(use())
