@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from server_support import wait_until
+
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, Page
 
@@ -50,6 +52,11 @@ class Tab:
     def unexpected(self) -> list[str]:
         """What nobody wanted to see."""
         return [one for one in self.complaints if not any(part in one for part in self.expected)]
+
+    def await_true(self, script: str) -> None:
+        """Wait until this is so. The driver's own ``wait_for_function`` has the page evaluate text from the second look
+        on, which the pages' policy forbids."""
+        wait_until(lambda: bool(self.page.evaluate(script)), within_s=PATIENCE_MS / 1000)
 
     def faults(self) -> list[str]:
         """What axe-core finds that is serious or critical, a line each."""

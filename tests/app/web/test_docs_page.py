@@ -66,7 +66,7 @@ def test_guides_lead_to_each_other_and_to_files(web: Web, tab_maker: Callable[..
     tab.page.wait_for_url("**/docs/reference/log-formats")
     tab.page.goto(f"{web.base}/docs/explanation/security#under-attack")
     tab.page.locator("#under-attack").wait_for()
-    tab.page.wait_for_function("document.getElementById('under-attack').getBoundingClientRect().top < 300")
+    tab.await_true("document.getElementById('under-attack').getBoundingClientRect().top < 300")
     assert tab.page.title() == "Security – Versant"
     # Wide tables scroll by themselves; the page does not.
     assert tab.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]

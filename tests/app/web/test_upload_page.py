@@ -188,7 +188,7 @@ def test_files_of_one_drive_a_method_and_the_keyboard_alone(web: Web, tab: Tab) 
     chooser.value.set_files([named("rover.csv", LOG), named("brdc.26n", HEADER + b"1,2,3\n")])
     tab.page.get_by_text("Do these 2 files belong together?").wait_for()
     # The page moves the focus there when it has drawn the question.
-    tab.page.wait_for_function("document.activeElement.textContent === 'They are one drive'")
+    tab.await_true("document.activeElement.textContent === 'They are one drive'")
     keys.press("Enter")
     row(tab, "rover.csv, brdc.26n").get_by_text("Waits to be computed").wait_for()
     [drive] = web.client.get("/v1/drives").json()["drives"]
