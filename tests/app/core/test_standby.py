@@ -157,7 +157,9 @@ def test_a_standby_too_far_behind_is_not_read_and_is_again_when_it_follows(
         wait_until(lambda: not uses_standby(impatient))
         assert len(seen(impatient)[3]) == len(before) + 1
         checks = impatient.client.get("/readyz").raise_for_status().json()["checks"]
-        assert checks["standby"] == f"It is more than {IMPATIENT_S:g} s behind, or cannot be compared any more."
+        assert (
+            checks["standby"] == f"It is more than {IMPATIENT_S:g} s behind, or cannot be compared any more."
+        )
         assert figure(impatient, "versant_standby_used") == 0.0
         assert figure(impatient, "versant_standby_lag_seconds") > IMPATIENT_S
     wait_until(lambda: uses_standby(impatient))
