@@ -6,7 +6,7 @@
 
 ``--logs`` drives over a real town (default: the Heidelberg extract beside the repository), ten minutes apart, as CSV,
 gzipped CSV, GPX, NMEA, zips of two files and GPX with the late heights of an altimeter; 1 % more files are broken.
-Making them is not measured.
+Making them is not measured; a ``--folder`` keeps them for the next run.
 
     speed      by one worker process and by ``--processes``: seconds by the clock and of processors, logs a second and
                core, how many times faster, whether all files have the same bytes, whether each broken file is named,
@@ -23,6 +23,7 @@ Aims: within 1e-6 sigma, two workers at least 1.8 times one, the same bytes alwa
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shutil
 import tempfile
@@ -75,10 +76,20 @@ class Archive:
     def __init__(self, args: argparse.Namespace, folder: Path) -> None:
         self.args, self.folder, self.logs = args, folder, folder / "logs"
         self.dem = [] if args.dem is None else ["--dem", args.dem]
+        self.made = self._made(args)
+        self.broken = make_broken(max(round(BROKEN_SHARE * args.logs), 1), self.logs)
+
+    def _made(self, args: argparse.Namespace) -> list[Path]:
+        """The logs, or those that a former run has left in the folder."""
+        kept, wanted = self.folder / "made.json", [args.logs, args.length, str(args.roads)]
+        if kept.exists() and (found := json.loads(kept.read_text()))["wanted"] == wanted:
+            return [self.logs / name for name in found["logs"]]
         with ProcessPoolExecutor(args.processes) as pool:
             make = partial(make_log, read_roads(args.roads), length_m=args.length, folder=self.logs)
-            self.made = list(pool.map(make, range(args.logs), chunksize=8))
-        self.broken = make_broken(max(round(BROKEN_SHARE * args.logs), 1), self.logs)
+            made = list(pool.map(make, range(args.logs), chunksize=8))
+        names = [str(path.relative_to(self.logs)) for path in made]
+        kept.write_text(json.dumps({"wanted": wanted, "logs": names}))
+        return made
 
     def command(self, name: str, *more: str | Path) -> list[str | Path]:
         """Over all logs, into a folder of this name."""
