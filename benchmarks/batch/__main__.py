@@ -216,10 +216,11 @@ def main() -> None:
     os.environ["PYTHONPATH"] = os.pathsep.join([".", os.environ.get("PYTHONPATH", "")])
     with tempfile.TemporaryDirectory() as place:
         folder = (args.folder or Path(place)).absolute()
+        for name in (*PARTS, "one", "several", "part"):  # of a former run
+            shutil.rmtree(folder / name, ignore_errors=True)
         archive = Archive(args, folder)
         f: Figures = {"logs": len(archive.made), "broken": len(archive.broken), "processes": args.processes}
         for name in args.only:
-            shutil.rmtree(folder / name, ignore_errors=True)
             found = PARTS[name](archive)
             f |= found
             print(f"{name:9}", ", ".join(f"{k} {_shown(v)}" for k, v in found.items()), flush=True)
