@@ -51,10 +51,8 @@ def server_options(settings: Settings) -> dict[str, Any]:
     class Bounded(BoundedProtocol):
         held_by = connections
 
-    # Proxy headers are for ``app.core.receiving.clients`` alone: uvicorn would believe every client on loopback. Not
-    # uvloop, where it is installed: it tells once of a socket in error, whatever is left to be read there, and who waits
-    # for the end of a connection to PostgreSQL, as tiles do, would wait for ever.
-    return {"http": Bounded, "ws": "none", "loop": "asyncio", "proxy_headers": False, "access_log": False}
+    # Proxy headers are for ``app.core.receiving.clients`` alone: uvicorn would believe every client on loopback.
+    return {"http": Bounded, "ws": "none", "proxy_headers": False, "access_log": False}
 
 
 class Connections:

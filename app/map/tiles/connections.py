@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import select
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from typing import Any, TypeVar
@@ -146,6 +147,8 @@ class Asker:
         self._server, self._send, self._answered = connection.pgconn, send, answered
         self._results: list[PGresult] = []
         self._socket = self._server.socket
+        self._more = select.poll()
+        self._more.register(self._socket, select.POLLIN)
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(self._socket, self._readable)
 
@@ -160,21 +163,29 @@ class Asker:
 
     def _readable(self) -> None:
         try:
-            self._server.consume_input()
-            while not self._server.is_busy():
-                result = self._server.get_result()
-                if result is None:
-                    break
-                self._results.append(result)
-            else:
-                return
+            answered = self._is_answered()
+            # uvloop tells once of a socket in error, though its last word and its end are both to be read.
+            while self._more.poll(0):
+                answered = self._is_answered()
         except psycopg.Error as error:
             self.stop()
             self._answered(error)
             return
+        if not answered:
+            return
         results, self._results = self._results, []
         if results:
             self._answered(_checked(results[-1]))
+
+    def _is_answered(self) -> bool:
+        """Take what has come; whether that is all."""
+        self._server.consume_input()
+        while not self._server.is_busy():
+            result = self._server.get_result()
+            if result is None:
+                return True
+            self._results.append(result)
+        return False
 
 
 def _checked(result: PGresult) -> PGresult | psycopg.Error:
