@@ -12,7 +12,7 @@ one worker do, and one drive goes through them to warm up. Then all drives are u
 workers started.
 
     drives/s    drives over the time from the first that was begun to the last that was done
-    workers s   processor seconds of a drive in the processes of the workers, from the first that was done on
+    workers s   processor seconds of a drive in the processes of the workers, what they load at first (3 s) included
     database s  the same of PostgreSQL's processes
     longest s   from the beginning of a drive to its end, at most: solvers let cells wait while drives do
     alone s     of ``--alone`` further drives, one by one into the idle service: from upload to ``done``, median
@@ -167,15 +167,13 @@ def run(
             log_bytes = cluster.log_path.stat().st_size
             for log in logs[:drives]:
                 service.send(log)
+            server = postmaster_of(Path(folder))
+            before_s = used_s([server])
             with started_all(service, workers) as pids:
-                spent = Spent([pids, [postmaster_of(Path(folder))]])
-
-                def tell(finished: int, spent: Spent = spent) -> None:
-                    show_progress(f"{code}, {workers} workers: {finished} of {drives}")
-                    spent.look(finished)
-
-                service.await_done(tell)
-                each_s = spent.each_s(drives + 1)  # one warmed up
+                service.await_done(
+                    lambda finished: show_progress(f"{code}, {workers} workers: {finished} of {drives}")
+                )
+                workers_s, database_s = used_s(pids), used_s([server]) - before_s
                 rate, longest = service.throughput(drives)
                 alone = [service.alone(log) for log in logs[drives : drives + args.alone]]
             waits = lock_waits(cluster.log_path, log_bytes)
@@ -185,8 +183,8 @@ def run(
         workers,
         drives,
         rate,
-        each_s[0],
-        each_s[1],
+        workers_s / drives,
+        database_s / drives,
         longest,
         statistics.median(alone),
         len(waits),
@@ -206,32 +204,6 @@ def started_all(service: Service, workers: int) -> Iterator[list[int]]:
 def postmaster_of(folder: Path) -> int:
     """The process of the cluster in the folder from which all others of it descend."""
     return int((folder / "postgres" / "data" / "postmaster.pid").read_text().split()[0])
-
-
-class Spent:
-    """Processor seconds of groups of processes from the time when first a drive more was done: what they load when
-    they begin is no drive's."""
-
-    def __init__(self, groups: Sequence[Sequence[int]]) -> None:
-        self._groups = groups
-        self._seen: int | None = None
-        self._begin: tuple[int, list[float]] | None = None
-
-    def look(self, finished: int) -> None:
-        """So many drives are done."""
-        if self._begin is None and self._seen is not None and finished > self._seen:
-            self._begin = finished, self._used_s()
-        self._seen = finished if self._seen is None else self._seen
-
-    def each_s(self, finished: int) -> list[float]:
-        """Of each group, for each drive since."""
-        before, used_s = self._begin or (0, [0.0] * len(self._groups))
-        return [
-            (now - then) / max(finished - before, 1) for now, then in zip(self._used_s(), used_s, strict=True)
-        ]
-
-    def _used_s(self) -> list[float]:
-        return [used_s(pids) for pids in self._groups]
 
 
 def lock_waits(log: Path, from_byte: int) -> list[float]:
