@@ -35,8 +35,14 @@ Bounds = tuple[float, float, float, float]
 """(west, south, east, north), degrees."""
 
 # Every request is short: parallel workers and just-in-time compilation take longer to begin than it takes to
-# answer (PostGIS functions are declared so costly that the planner would often choose them).
-_SERVER_OPTIONS = {"timezone": "UTC", "jit": "off", "max_parallel_workers_per_gather": "0"}
+# answer (PostGIS functions are declared so costly that the planner would often choose them). What is asked for is in a
+# few places of large tables: for disks that turn, which the server's own value is of, the planner would read all of it.
+_SERVER_OPTIONS = {
+    "timezone": "UTC",
+    "jit": "off",
+    "max_parallel_workers_per_gather": "0",
+    "random_page_cost": "1.1",
+}
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ _MAPPED = """
     SELECT o.id AS original, c.id
     FROM segments AS o JOIN segments AS c ON c.osm_way_id = o.osm_way_id + :number
         AND c.from_node = o.from_node + :number AND c.to_node = o.to_node + :number
-    WHERE o.osm_way_id < :numbers
+    WHERE o.osm_way_id < :numbers AND c.osm_way_id BETWEEN :number AND :number + :numbers
 """
 _DRIVEN = """
     CREATE TEMP TABLE driven ON COMMIT DROP AS
