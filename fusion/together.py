@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
 from fusion.arrays import ColumnTable
+from fusion.lags import factors_for_lag, with_settled_lags
 from fusion.methods.base import DriveResult
 from fusion.network.adjust import adjust
 from fusion.network.combine import SlopePart
 from fusion.network.control import REACH_M, ControlHeights, ControlPoint, place
 from fusion.network.duplicates import DriveTrace, find_duplicates
-from fusion.network.pass_factor import PassFactor
 from fusion.network.repeats import (
     FEWEST_DRIVES,
     OwnSlopes,
@@ -32,10 +32,7 @@ from fusion.terrain.datum import datum_of_network
 from fusion.terrain.dem import Dem
 from fusion.types import Bools, Floats, Ints
 
-LAG_ROUNDS, LAG_SETTLED_S = 6, 0.3
-"""How often factors are made anew for altimeters that are late, and what counts as settled."""
-LAG_GAIN, LAG_STEP_S = 1.3, 2.5
-"""The response to a lag is taken from smoothed grades, which are too flat: steps are lengthened, within a bound."""
+_NOTHING = np.empty(0, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +112,8 @@ class Evidence(Protocol):
     ) -> Adjustment:
         """A solution from the drives that ``widening`` names, in its order, their sigmas so much wider.
 
-        A drive's number in the solution is its place in this order. ``rows`` of the road file are those of ``network``.
+        A drive's number in the solution is its place in this order. ``rows`` of the road file are those of ``network``;
+        passes over others have no part in it.
         """
         ...
 
@@ -123,8 +121,8 @@ class Evidence(Protocol):
         """Rows of the road file around these drives, ascending."""
         ...
 
-    def made_anew(self, lag_s: Mapping[int, float]) -> bool:
-        """Make the factors of drives anew for lags of their altimeters (``factors_for_lag``); whether any were."""
+    def made_anew(self, lag_s: Mapping[int, float]) -> Set[int]:
+        """Make the factors of drives anew for lags of their altimeters (``factors_for_lag``); which drives' were."""
         ...
 
 
@@ -177,12 +175,22 @@ def solve_evidence(
     table = roads.subset(near)
     driven = np.isin(near, np.concatenate([facts[k].trace.segment for k in numbers]))
     solved = driven | gap_rows(table, driven)
+
+    def adjusted(part: Bools) -> Adjustment:
+        own = table.subset(part)
+        terrain = Terrain(dem.heights_along(*knot_positions(own), knot_rows(own))) if dem else None
+        return evidence.adjusted(own, near[part], widening, terrain, surveyed.among(part))
+
+    def made_anew(result: Adjustment, among: Collection[int] | None) -> Set[int]:
+        lag_s = {numbers[k]: one for k, one in result.lag_s.items()}
+        return evidence.made_anew({k: one for k, one in lag_s.items() if among is None or k in among})
+
+    def around(late: Set[int]) -> Bools:
+        passed = np.isin(near, np.concatenate([_NOTHING, *(facts[k].trace.segment for k in late)]))
+        return np.asarray(passed | gap_rows(table, passed))
+
+    result = with_settled_lags(solved, adjusted, made_anew, around)
     table, rows = table.subset(solved), near[solved]
-    terrain = Terrain(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem else None
-    for _ in range(LAG_ROUNDS):
-        result = evidence.adjusted(table, rows, widening, terrain, surveyed.among(solved))
-        if not evidence.made_anew({numbers[k]: lag_s for k, lag_s in result.lag_s.items()}):
-            break
     drives_on, wrong = _accepted(result, len(rows))
     for k, count in wrong.items():
         rejected[numbers[k]] = count
@@ -216,13 +224,15 @@ class _InMemory:
         row_of = {int(row): k for k, row in enumerate(rows)}
         own = {
             place: [
-                f.over(row_of[int(self._drives[k].rows[f.segment])]).widened(wider) for f in self._factors[k]
+                f.over(row).widened(wider)
+                for f in self._factors[k]
+                if (row := row_of.get(int(self._drives[k].rows[f.segment]))) is not None
             ]
             for place, (k, wider) in enumerate(widening.items())
         }
-        return adjust(network, own, terrain, control)
+        return adjust(network, {place: said for place, said in own.items() if said}, terrain, control)
 
-    def made_anew(self, lag_s: Mapping[int, float]) -> bool:
+    def made_anew(self, lag_s: Mapping[int, float]) -> Set[int]:
         """See ``Evidence``."""
         anew = {
             k: factors
@@ -230,7 +240,7 @@ class _InMemory:
             if (factors := factors_for_lag(self._drives[k].result, self._factors[k], one))
         }
         self._factors |= anew
-        return bool(anew)
+        return anew.keys()
 
 
 def _accepted(result: Adjustment, segments: int) -> tuple[list[int], dict[int, int]]:
@@ -307,23 +317,3 @@ def _repeats(roads: RoadTable, drives: Mapping[int, DriveFacts]) -> RepeatPairs:
             season=unknown - 1,
         )
     )
-
-
-def factors_for_lag(
-    result: DriveResult, factors: Sequence[PassFactor], lag_s: float | None
-) -> tuple[PassFactor, ...] | None:
-    """The factors of a drive made anew for the altimeter's lag that a network's solution finds, ``lag_s``.
-
-    ``factors`` are those that were solved. None where the lag is settled, or nothing is known of one: the factors stay.
-    A drive alone rarely shows the lag: where everybody drives the same way, lag and slope look alike.
-    """
-    if result.late_by is None or lag_s is None:
-        return None
-    next_s = next_lag(factors[0].lag_s, lag_s)
-    return None if next_s is None else result.late_by(next_s)
-
-
-def next_lag(before_s: float, lag_s: float) -> float | None:
-    """The lag to try after ``before_s``, seconds, where a solution finds ``lag_s``; None where it is settled."""
-    step_s = float(np.clip(LAG_GAIN * (lag_s - before_s), -LAG_STEP_S, LAG_STEP_S))
-    return None if abs(step_s) < LAG_SETTLED_S else before_s + step_s

@@ -44,9 +44,9 @@ from app.network.solve import lag_among_all
 from app.terrain.heights import fill_heights_along, open_dem
 from app.terrain.store import DemSet
 from fusion.errors import FusionError
+from fusion.lags import next_lag
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
-from fusion.together import next_lag
 
 ORIGIN = "versant import-batch"
 """What the audit log says of who it was: a person who may open the database."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -21,6 +21,7 @@ from app.batch.listing import Log
 from app.batch.opened import DIED
 from app.batch.places import place_of_cell
 from app.batch.stored import cells_of, factors_of, passes_file, passes_in
+from fusion.lags import next_lag
 from fusion.network.adjust import adjust_from
 from fusion.network.blockwise.owners import grouped
 from fusion.network.blockwise.partition import bisected
@@ -29,7 +30,6 @@ from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
 from fusion.network.terrain import Terrain
 from fusion.roads.table import RoadTable
-from fusion.together import next_lag
 from fusion.types import Bools, Ints
 
 MOST_SEGMENTS = 4000
@@ -142,7 +142,7 @@ class StoredEvidence:
         shutil.rmtree(place)
         return found
 
-    def made_anew(self, lag_s: Mapping[int, float]) -> bool:
+    def made_anew(self, lag_s: Mapping[int, float]) -> Set[int]:
         """See ``Evidence``: their logs are fused again."""
         late = [
             Late(self._log(k), k, next_s, self.choices, self.folder)
@@ -156,7 +156,7 @@ class StoredEvidence:
             stored = [*zip([f.sequence for f in factors], PassFactor.encode_all(factors), strict=True)]
             (self.folder.scratch / _late_file(one.drive)).write_bytes(pickle.dumps((stored, row)))
             self._late[one.drive], self._lag_s[one.drive] = row, one.lag_s
-        return bool(late)
+        return {one.drive for one in late}
 
     def _log(self, k: int) -> Log:
         drive = self.drives[k]

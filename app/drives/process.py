@@ -40,9 +40,9 @@ from app.network.cells import road_states
 from app.network.marks import MarkedBy
 from app.network.solve import lag_among_all
 from app.terrain.heights import fill_heights_along
+from fusion.lags import LAG_ROUNDS, factors_for_lag
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options
-from fusion.together import LAG_ROUNDS, factors_for_lag
 from fusion.types import DriveLog, Ints
 
 logger = logging.getLogger(__name__)
@@ -221,7 +221,7 @@ def with_settled_lag(
 ) -> DriveResult:
     """The result with its factors made anew for the lag that the stored network finds; most results as they are.
 
-    How late the altimeter is follows from all drives (``fusion.together.factors_for_lag``, as for logs at hand). It is
+    How late the altimeter is follows from all drives (``fusion.lags.factors_for_lag``, as for logs at hand). It is
     found before the network is owned: others go on publishing meanwhile.
 
     ``segment_ids`` maps the segments of the result's factors to the database's ids.

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from factor_support import Sensors, steady, street
+from fusion.lags import LAG_SETTLED_S
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
-from fusion.together import LAG_SETTLED_S, solve_network
+from fusion.together import solve_network
 from street_support import ride
 
 TABLE = street(60.0, 60.0, 60.0, 40.0, 60.0)

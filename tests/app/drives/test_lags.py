@@ -16,12 +16,12 @@ from app.drives import process
 from app.drives.process import Outcome, with_settled_lag
 from app.jobs.context import JobContext
 from drive_fixtures import Send
+from fusion.lags import LAG_ROUNDS, LAG_STEP_S
 from fusion.methods.base import DriveResult
 from fusion.network.pass_factor import LAG, NUISANCES, PassFactor
 from fusion.roads.table import RoadTable
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
-from fusion.together import LAG_ROUNDS, LAG_STEP_S
 from fusion.types import Ints
 from network_support import passes_of, rows_of
 
