@@ -22,26 +22,26 @@ LARGEST_PART = 0.5
 def with_settled_lags(
     every: Bools,
     adjusted: Callable[[Bools], Adjustment],
-    made_anew: Callable[[Adjustment, Collection[int] | None], Set[int]],
+    made_anew: Callable[[Bools, Collection[int] | None], tuple[Adjustment | None, Set[int]]],
     around: Callable[[Set[int]], Bools],
 ) -> Adjustment:
     """The solution of ``every`` row (n,) after which no altimeter's lag is another than was thought.
 
-    ``adjusted`` solves some rows; ``made_anew`` says which drives' factors were made anew after that, all or of those
-    it is given; ``around`` are the rows these drives passed. Most lags stand after one step. The others are
-    followed where they are, which takes little, and then all is solved once more.
+    ``made_anew`` solves some rows, and makes the factors anew of all drives, or of those that it is given, whose lag
+    does not stand then: the solution, None where only the rest is known from before, and which drives these were.
+    ``around`` are the rows that drives passed. Most lags stand after one step. The others are followed where they
+    drove, which takes little, and then all is solved (``adjusted``) once more.
     """
     for _ in range(LAG_ROUNDS):
-        result = adjusted(every)
-        late = made_anew(result, None)
+        result, late = made_anew(every, None)
         if not late:
-            break
+            return adjusted(every) if result is None else result
         for _ in range(LAG_ROUNDS):
             part = every & around(late)
             if not late or part.sum() > LARGEST_PART * every.sum():
                 break
-            late = made_anew(adjusted(part), late)
-    return result
+            late = made_anew(part, late)[1]
+    return adjusted(every)
 
 
 def factors_for_lag(

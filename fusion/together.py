@@ -125,6 +125,10 @@ class Evidence(Protocol):
         """Make the factors of drives anew for lags of their altimeters (``factors_for_lag``); which drives' were."""
         ...
 
+    def made_before(self) -> Set[int] | None:
+        """What the next ``made_anew`` would say, where a run that was cut off has done that; None: it is not known."""
+        ...
+
 
 class SolvedNetwork(NamedTuple):
     """What drives with factors say together."""
@@ -181,9 +185,13 @@ def solve_evidence(
         terrain = Terrain(dem.heights_along(*knot_positions(own), knot_rows(own))) if dem else None
         return evidence.adjusted(own, near[part], widening, terrain, surveyed.among(part))
 
-    def made_anew(result: Adjustment, among: Collection[int] | None) -> Set[int]:
+    def made_anew(part: Bools, among: Collection[int] | None) -> tuple[Adjustment | None, Set[int]]:
+        known = evidence.made_before()
+        if known is not None:
+            return None, known
+        result = adjusted(part)
         lag_s = {numbers[k]: one for k, one in result.lag_s.items()}
-        return evidence.made_anew({k: one for k, one in lag_s.items() if among is None or k in among})
+        return result, evidence.made_anew({k: one for k, one in lag_s.items() if among is None or k in among})
 
     def around(late: Set[int]) -> Bools:
         passed = np.isin(near, np.concatenate([_NOTHING, *(facts[k].trace.segment for k in late)]))
@@ -241,6 +249,9 @@ class _InMemory:
         }
         self._factors |= anew
         return anew.keys()
+
+    def made_before(self) -> None:
+        """Nothing is kept."""
 
 
 def _accepted(result: Adjustment, segments: int) -> tuple[list[int], dict[int, int]]:

@@ -118,19 +118,24 @@ def fused(log: Log, choices: Choices) -> tuple[FusedDrive, RoadTable, Origin]:
 
 @dataclass(frozen=True)
 class Late:
-    """A drive, by its number, whose altimeter is late by another time than was thought."""
+    """A drive, by its number, whose altimeter is late by another time than was thought; ``file`` is for its passes."""
 
     log: Log
     drive: int
     lag_s: float
     choices: Choices
     folder: BatchFolder
+    file: str
 
-    def work(self) -> tuple[list[PassFactor], Ints]:
-        """The passes anew, and the rows of roads that they count in."""
-        late_by, rows = self._kept()
+    def work(self) -> Ints:
+        """Write the passes anew (``late_passes``); the rows of roads that they count in."""
+        late_by, own = self._kept()
         factors = [] if late_by is None else list(late_by(self.lag_s))
-        return factors, rows[np.array([f.segment for f in factors], np.int64)]
+        rows: Ints = own[np.array([f.segment for f in factors], np.int64)]
+        stored = [*zip([f.sequence for f in factors], PassFactor.encode_all(factors), strict=True)]
+        with written(self.folder.scratch / self.file) as partial:
+            partial.write_bytes(pickle.dumps((stored, rows)))
+        return rows
 
     def _kept(self) -> Any:
         """How its factors are made anew: of the log, or as the round before left it."""
@@ -143,6 +148,11 @@ class Late:
         with written(place) as partial, partial.open("wb") as file:
             _Keeping(file, pickle.HIGHEST_PROTOCOL).dump(found)
         return found
+
+
+def late_passes(folder: BatchFolder, file: str) -> tuple[list[tuple[int, bytes]], Ints]:
+    """The passes of a drive that were made anew, by their sequence, and their rows."""
+    return pickle.loads((folder.scratch / file).read_bytes())  # type: ignore[no-any-return] # noqa: S301 - our own files
 
 
 class _Keeping(pickle.Pickler):

@@ -10,7 +10,7 @@ import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
 from typing import Any, Protocol
 
@@ -116,6 +116,19 @@ class Hands:
         ((_, died),) = self.results([job], lambda job: (job.work, frozenset(killers)))
         if died is not None:
             job.work(frozenset(range(len(job.logs))))
+
+
+class Counted(Executor):
+    """An executor whose tasks are counted as they end."""
+
+    def __init__(self, executor: Executor, bar: Callable[[int], None]) -> None:
+        self._executor, self._bar = executor, bar
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """See ``Executor``."""
+        future = self._executor.submit(fn, *args, **kwargs)
+        future.add_done_callback(lambda _: self._bar(1))
+        return future
 
 
 class _Dead:

@@ -28,7 +28,7 @@ from app.batch.stored import alone_of, facts_of, read_drives
 from app.core.version import code_version
 from app.map.segment import attribution
 from fusion.methods.base import OF_TERRAIN
-from fusion.network.control import ControlPoint, read_control
+from fusion.network.control import read_control
 from fusion.results import Solution, solution_of
 from fusion.roads.table import RoadTable
 from fusion.together import network_datum, solve_evidence
@@ -93,17 +93,15 @@ def run(request: Request, folder: BatchFolder, hands: Hands, shown: Shown) -> Do
         write_report(folder, outcomes)
         remove_outputs(folder, set())
         return Done(outcomes, None, [], [])
-    solved = shown.work("solving")
-    solved("one network", 0.0)
-    control = read_control(request.control) if request.control else []
-    solution = drives.solved(hands, folder, control, request.gaps)
+    solution = drives.solved(hands, folder, request, shown)
     outcomes = outcomes_of(located, repeated, drives.rows, drives.failed, solution)
     source = SolvedSource(solution, drives.newest(), [request.roads], choices.terrain)
+    writing = shown.count("files", 1)
     files = write_outputs(hands, folder, request.formats, source, attribution(drives.rasters(solution)))
     write_report(folder, outcomes)
     _write_manifest(request, folder, choices, located, every, solution)
     _tidy(folder, {*(one.key for one in looks), *(one.key for one in every)}, choices)
-    solved("one network", 1.0)
+    writing(1)
     return Done(outcomes, solution, files, source.notes)
 
 
@@ -177,20 +175,22 @@ class Drives:
         table, rows = self.choices.roads.of_places(places.tolist())
         return table.subset(np.isin(rows, near)), near
 
-    def solved(
-        self, hands: Hands, folder: BatchFolder, control: Sequence[ControlPoint], gaps: bool
-    ) -> Solution:
+    def solved(self, hands: Hands, folder: BatchFolder, request: Request, shown: Shown) -> Solution:
         """What they say together, as ``fusion.results.solve_fused`` has it."""
+        control = read_control(request.control) if request.control else []
         dem = self.choices.terrain()
         roads, near = self.roads()
-        evidence = StoredEvidence(hands, folder, self.groups, self.where, near, self.choices)
+        key = key_of([one.key for one in self.groups], [vars(point) for point in control])
+        evidence = StoredEvidence(
+            hands, folder, self.groups, self.where, near, self.choices, key, shown.count
+        )
         facts = [facts_of(row, near) for row in self.rows]
         network = solve_evidence(roads, dem, facts, evidence, control)
         of_terrain = self.choices.method in OF_TERRAIN
         alone: Iterator[Any] = (alone_of(row, near, of_terrain) for row in self.rows)
         reports = [json.loads(row["report"]) for row in self.rows if row["in_network"]]
         datum = network_datum(dem, reports, control)
-        return solution_of(roads, dem, network, alone, datum, gaps=gaps)
+        return solution_of(roads, dem, network, alone, datum, gaps=request.gaps)
 
     def rasters(self, solution: Solution) -> tuple[str, ...]:
         """Names of the elevation rasters that give the heights of the segments of a solution."""

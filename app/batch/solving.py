@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pickle
 import shutil
-from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -14,15 +14,15 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from app.batch.errors import BatchError
-from app.batch.folder import BatchFolder
-from app.batch.fusing import Choices, Group, Late
-from app.batch.hands import DEAD, Hands
+from app.batch.folder import BatchFolder, written
+from app.batch.fusing import Choices, Group, Late, late_passes
+from app.batch.hands import DEAD, Counted, Hands
 from app.batch.listing import Log
 from app.batch.opened import DIED
 from app.batch.places import place_of_cell
 from app.batch.stored import cells_of, factors_of, passes_file, passes_in
 from fusion.lags import next_lag
-from fusion.network.adjust import adjust_from
+from fusion.network.adjust import adjust_from, tasks_of
 from fusion.network.blockwise.owners import grouped
 from fusion.network.blockwise.partition import bisected
 from fusion.network.control import ControlHeights
@@ -67,7 +67,7 @@ class StoredPasses:
                 mine &= drive >= 0
                 _add(drives, drive[mine], factors_of(table.filter(mine), segment[mine]), counted.widening)
         for number, file_name in own.late:
-            stored, rows = pickle.loads((self.folder.scratch / file_name).read_bytes())  # noqa: S301 - as above
+            stored, rows = late_passes(self.folder, file_name)
             mine, segment = _of_block(rows, own)
             told = [(*stored[k], int(segment[k])) for k in np.flatnonzero(mine).tolist()]
             over = PassFactor.decode_all([(data, at, sequence) for sequence, data, at in told])
@@ -97,11 +97,20 @@ class _Counted:
     groups_in: dict[int, list[int]]
 
 
+class _Remade(NamedTuple):
+    """A drive that was made anew: for which lag, the file of its passes, and the rows that they count in."""
+
+    lag_s: float
+    file: str
+    rows: Ints
+
+
 @dataclass
 class StoredEvidence:
     """``fusion.together.Evidence`` of drives whose passes are in files.
 
-    ``row`` is the row in the file of roads of each segment of those that are solved.
+    ``row`` is the row in the file of roads of each segment of those that are solved; ``key`` names all that has part in
+    the solution: another run with it goes on from the last step of this one. ``count`` makes bars of pieces of work.
     """
 
     hands: Hands
@@ -110,15 +119,19 @@ class StoredEvidence:
     drives: Sequence[StoredDrive]
     row: Ints
     choices: Choices
+    key: str
+    count: Callable[[str, int], Callable[[int], None]]
     _lag_s: dict[int, float] = field(default_factory=dict)
-    _late: dict[int, Ints] = field(default_factory=dict)
-    """Drives that were made anew, and the rows of their passes"""
-    _round: int = 0
+    _late: dict[int, _Remade] = field(default_factory=dict)
+    _step: int = 0
 
     def __post_init__(self) -> None:
-        shutil.rmtree(self.folder.scratch, ignore_errors=True)
-        self.folder.scratch.mkdir()
         self._lag_s = {k: one.lag_s for k, one in enumerate(self.drives) if one.lag_s is not None}
+        scratch = self.folder.scratch
+        if not (scratch / self.key).is_file():
+            shutil.rmtree(scratch, ignore_errors=True)
+            scratch.mkdir()
+            (scratch / self.key).touch()
 
     def near(self, numbers: Sequence[int]) -> Ints:
         """All roads that are there: those around drives that do not count have no part."""
@@ -133,11 +146,13 @@ class StoredEvidence:
         control: ControlHeights,
     ) -> Adjustment:
         """See ``Evidence``."""
-        self._round += 1
-        place = self.folder.scratch / f"round-{self._round}"
+        place = self.folder.scratch / f"step-{self._step}"
+        shutil.rmtree(place, ignore_errors=True)
         place.mkdir()
-        blocks = bisected(network, MOST_SEGMENTS, self.hands.executor, place)
+        blocks = bisected(network, MOST_SEGMENTS, folder=place)
+        bar = self.count(f"network, solution {self._step + 1}", tasks_of(blocks))
         self._tell(place, network, self.row[rows], blocks.block, widening)
+        blocks = replace(blocks, executor=Counted(self.hands.executor, bar))
         found = adjust_from(StoredPasses(self.folder, place), network, blocks, terrain, control)
         shutil.rmtree(place)
         return found
@@ -145,18 +160,35 @@ class StoredEvidence:
     def made_anew(self, lag_s: Mapping[int, float]) -> Set[int]:
         """See ``Evidence``: their logs are fused again."""
         late = [
-            Late(self._log(k), k, next_s, self.choices, self.folder)
+            Late(self._log(k), k, next_s, self.choices, self.folder, f"late-{k}-{self._step}")
             for k, one in lag_s.items()
             if k in self._lag_s and (next_s := next_lag(self._lag_s[k], one)) is not None
         ]
-        for one, made in self.hands.results(late, lambda one: (one.work,)):
-            if made is DEAD:
+        bar, made = self.count(f"late altimeters, step {self._step + 1}", len(late)), dict[int, _Remade]()
+        for one, rows in self.hands.results(late, lambda one: (one.work,)):
+            if rows is DEAD:
                 raise BatchError(f"{one.log.name}: {DIED.text}")
-            factors, row = made
-            stored = [*zip([f.sequence for f in factors], PassFactor.encode_all(factors), strict=True)]
-            (self.folder.scratch / _late_file(one.drive)).write_bytes(pickle.dumps((stored, row)))
-            self._late[one.drive], self._lag_s[one.drive] = row, one.lag_s
-        return {one.drive for one in late}
+            made[one.drive] = _Remade(one.lag_s, one.file, rows)
+            bar(1)
+        with written(self._made) as partial:
+            partial.write_bytes(pickle.dumps(made))
+        return self._take(made)
+
+    def made_before(self) -> Set[int] | None:
+        """See ``Evidence``."""
+        if not self._made.is_file():
+            return None
+        return self._take(pickle.loads(self._made.read_bytes()))  # noqa: S301 - our own files
+
+    @property
+    def _made(self) -> Path:
+        return self.folder.scratch / f"made-{self._step}"
+
+    def _take(self, made: Mapping[int, _Remade]) -> Set[int]:
+        self._step += 1
+        self._late |= made
+        self._lag_s |= {k: one.lag_s for k, one in made.items()}
+        return made.keys()
 
     def _log(self, k: int) -> Log:
         drive = self.drives[k]
@@ -179,10 +211,11 @@ class StoredEvidence:
         late: dict[int, list[tuple[int, str]]] = {}
         for at, k in enumerate(widening):
             if k in self._late:
-                own = np.searchsorted(rows, self._late[k])
-                there = rows[np.minimum(own, len(rows) - 1)] == self._late[k]
+                passed = self._late[k].rows
+                own = np.searchsorted(rows, passed)
+                there = rows[np.minimum(own, len(rows) - 1)] == passed
                 for number_of_block in np.unique(block[own[there]]).tolist():
-                    late.setdefault(number_of_block, []).append((at, _late_file(k)))
+                    late.setdefault(number_of_block, []).append((at, self._late[k].file))
         for number_of_block, mine in grouped(block):
             of_place = grouped(place_of_cell(cells[mine]))
             found = [(one, np.unique(cells[mine][where]).tolist()) for one, where in of_place]
@@ -198,10 +231,6 @@ class StoredEvidence:
 
 
 COUNTED = "counted"
-
-
-def _late_file(drive: int) -> str:
-    return f"late-{drive}"
 
 
 @lru_cache(1)

@@ -16,6 +16,8 @@ import numpy as np
 from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
+from app.core.tables import MIDDLE_CELL
+from app.network import ZOOM
 from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table
 from app.roads.retired import MEASURED, Return, returns_among
 from fusion.roads.changes import Change, RoadChanges, compare
@@ -28,10 +30,20 @@ NOBODY = 0
 _ON = "i.osm_way_id = s.osm_way_id AND i.from_node = s.from_node AND i.to_node = s.to_node"
 
 # What is not as the file has it: the region's own segments, those of ways that it has, and those between two nodes that
-# it has. (=) on geometries compares every coordinate bit for bit.
+# it has. (=) on geometries compares every coordinate bit for bit. Of all segments those are looked at that may be of
+# these: two nodes that an edit has moved are a cell away at most.
 _OTHER = text(f"""
+    WITH near AS MATERIALIZED (
+        SELECT id FROM segments WHERE regions @> ARRAY[CAST(:region AS smallint)]
+        UNION SELECT s.id FROM (SELECT DISTINCT osm_way_id FROM road_import) AS way, LATERAL (
+            SELECT id FROM segments WHERE osm_way_id = way.osm_way_id OFFSET 0) AS s
+        UNION SELECT s.id FROM (SELECT DISTINCT {MIDDLE_CELL} AS id FROM road_import) AS own, LATERAL (
+            SELECT id FROM segments WHERE cell IN (SELECT own.id + (x << {ZOOM}) + y FROM generate_series(-1, 1) AS x,
+                                                   generate_series(-1, 1) AS y) OFFSET 0) AS s
+    )
     SELECT {ROAD_COLUMNS}, :region = ANY(s.regions) AS member, s.regions <> ARRAY[CAST(:region AS smallint)] AS others
-    FROM segments AS s LEFT JOIN road_import AS i ON {_ON}
+    FROM near CROSS JOIN LATERAL (SELECT * FROM segments WHERE id = near.id OFFSET 0) AS s
+    LEFT JOIN road_import AS i ON {_ON}
     LEFT JOIN (SELECT DISTINCT osm_way_id FROM road_import) AS way ON way.osm_way_id = s.osm_way_id
     LEFT JOIN (SELECT DISTINCT least(from_node, to_node) AS a, greatest(from_node, to_node) AS b FROM road_import)
         AS pair ON pair.a = least(s.from_node, s.to_node) AND pair.b = greatest(s.from_node, s.to_node)
@@ -65,7 +77,7 @@ _LOST = text(
     f"SELECT count(*) FROM segments AS s WHERE s.id = ANY(CAST(:ids AS bigint[])) AND {MEASURED}"  # noqa: S608
 )
 _MEASURED_OF = text(
-    f"SELECT count(*) FROM segments AS s WHERE :region = ANY(s.regions) AND {MEASURED}"  # noqa: S608
+    f"SELECT count(*) FROM segments AS s WHERE s.regions @> ARRAY[CAST(:region AS smallint)] AND {MEASURED}"  # noqa: S608
 )
 
 _PASSES_ON = text("""
@@ -89,9 +101,10 @@ _FAILED = text("""
 AGAIN = """
     SELECT d.id FROM drives AS d WHERE d.status <> 'cancelled' AND d.id IN (
         SELECT drive_id FROM drive_segments WHERE segment_id = ANY(CAST(:lost AS bigint[]))
-        UNION SELECT p.drive_id FROM drive_passes AS p JOIN segments AS s
-            ON s.id = p.segment_id AND p.partition = versant_partition(s.cell)
-        WHERE s.id = ANY(CAST(:lost AS bigint[]))
+        UNION SELECT p.drive_id FROM unnest(CAST(:lost AS bigint[])) AS one (id),
+            LATERAL (SELECT cell FROM segments WHERE id = one.id OFFSET 0) AS s,
+            LATERAL (SELECT drive_id FROM drive_passes
+                     WHERE segment_id = one.id AND partition = versant_partition(s.cell) OFFSET 0) AS p
         UNION SELECT unnest(CAST(:others AS uuid[])))
 """
 _COUNT_AGAIN = text(f"SELECT count(*) FROM ({AGAIN}) AS again")  # noqa: S608 - constants

@@ -135,7 +135,7 @@ _NOTE = text("""
 """)
 _REGION_EXTENT = text("""
     SELECT ST_XMin(e), ST_YMin(e), ST_XMax(e), ST_YMax(e)
-    FROM (SELECT ST_Extent(geom) AS e FROM segments WHERE :id = ANY(regions)) AS x
+    FROM (SELECT ST_Extent(geom) AS e FROM segments WHERE regions @> ARRAY[CAST(:id AS smallint)]) AS x
 """)
 _REMOVE = text("DELETE FROM regions WHERE id = :id")
 # Of what is published: a look at each driven segment, not at what each drive says of it.
@@ -204,7 +204,7 @@ def changed_region(session: Session, name: str | None, file_name: str) -> Region
 
 
 def region_extent(session: Session, region_id: int) -> Bounds:
-    """West, south, east, north of a region's segments, degrees. Reads all segments."""
+    """West, south, east, north of a region's segments, degrees."""
     west, south, east, north = session.execute(_REGION_EXTENT, {"id": region_id}).one()
     return float(west), float(south), float(east), float(north)
 

@@ -68,14 +68,15 @@ def main() -> None:
     with ExitStack() as stack:
         folder = args.keep or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="versant-bench-")))
         cluster = stack.enter_context(EmbeddedPostgres(folder))
-        logs = make_logs(args.roads, args.drives + args.rounds * ALONE * len(counts), folder)
+        logs = make_logs(args.roads, args.drives + args.rounds * ALONE, folder)
         services = {count: _made(cluster, folder, count, args, logs[: args.drives]) for count in counts}
         times = {count: defaultdict[str, list[float]](list) for count in counts}
         left = iter(logs[args.drives :])
         for number in range(args.rounds):
+            alone = [next(left) for _ in range(ALONE)]
             for count, service in services.items():
                 show_progress(f"round {number + 1} of {args.rounds}, {count} segments")
-                _round(service, times[count], [next(left) for _ in range(ALONE)], args.region)
+                _round(service, times[count], alone, args.region)
         show_progress("")
         figures_of = {
             count: {k: statistics.median(v) for k, v in found.items()} for count, found in times.items()

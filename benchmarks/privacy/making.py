@@ -3,7 +3,8 @@
     PYTHONPATH=.:benchmarks python -m privacy.making [--roads FILE] [--drives 500] [--more 20] [--json FILE]
 
 The town is that of the privacy attack, on all roads of the file (Heidelberg). Drives lie in the database as workers
-store them, unsolved: an edition reads passes, not the live map. Printed are the seconds of each stage, files included.
+store them, unsolved: an edition reads passes, not the live map. Printed are the seconds of each stage, files included,
+and the megabytes of its files and of what the database keeps of it: of passes that may be told, and of the map.
 Aims: 60 s for the first and 20 s for the next, on two cores beside the live service.
 """
 
@@ -18,7 +19,10 @@ from collections.abc import Sequence
 from datetime import date, timedelta
 from pathlib import Path
 
+from sqlalchemy import text
+
 from accuracy.scoring import show_progress, text_table, write_json
+from app.core.caller import EDITION, TOLD
 from app.embedded.cluster import EmbeddedPostgres
 from app.releases.run import in_words, release
 from privacy.city import City
@@ -29,6 +33,10 @@ from privacy.town import Trip, make_town
 HERE = Path(__file__).resolve().parents[2]
 HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
 OWNERS, WEEKS, SEED = 200, 4, 1
+_BYTES = text("""
+    SELECT coalesce(sum(pg_total_relation_size(oid)), 0) FROM pg_class
+    WHERE relkind = 'r' AND relnamespace = CAST(:schema AS regnamespace)
+""")
 EVERYWHERE = (-180.0, -90.0, 180.0, 90.0)
 
 
@@ -86,12 +94,24 @@ def run(args: argparse.Namespace, server: Server) -> list[dict[str, float]]:
             whole_s = time.perf_counter() - began
             show_progress("")
             print(in_words(edition))
-            rows.append({"drives": len(part), "segments": edition.segments, **stages.took_s, "all": whole_s})
+            room = {"files MB": sum(file["size_bytes"] for file in edition.files) / 1e6, **_room(service)}
+            rows.append(
+                {"drives": len(part), "segments": edition.segments, **stages.took_s, "all": whole_s, **room}
+            )
             day += timedelta(days=7)
     names = dict.fromkeys(name for row in rows for name in row)
     columns = {name: (name, "g" if name in {"drives", "segments"} else ".1f") for name in names}
     print(text_table([dict.fromkeys(names, 0.0) | row for row in rows], columns))
     return rows
+
+
+def _room(service: Service) -> dict[str, float]:
+    """Megabytes of the schemas of an edition, indexes included."""
+    with service.sessions() as session:
+        return {
+            f"{schema} MB": float(session.execute(_BYTES, {"schema": schema}).scalar_one()) / 1e6
+            for schema in (TOLD, EDITION)
+        }
 
 
 def _store(service: Service, recorder: Recorder, owners: Sequence[int], trips: Sequence[Trip]) -> None:

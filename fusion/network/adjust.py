@@ -29,6 +29,12 @@ ROUNDS = 4
 """Of solving and weighing anew."""
 
 
+def tasks_of(blocks: Partition) -> int:
+    """About how many tasks a solution in so many blocks is."""
+    nodes, leaves = len(blocks.tree().parent), int(blocks.block.max(initial=0)) + 1
+    return 2 * ROUNDS * nodes + 3 * leaves
+
+
 def adjust(
     network: RoadTable,
     drives: Mapping[int, Sequence[PassFactor]],

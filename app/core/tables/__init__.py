@@ -27,7 +27,7 @@ HAS_LOG = "log_deleted_at IS NULL"
 """Drives that can be computed again: their owner still keeps the log."""
 
 WITHOUT_HEIGHTS = "dem_slope_percent IS NOT NULL AND dem_heights_m IS NULL"
-"""Segments that were imported before heights of the elevation model were kept, and wait for them."""
+"""Segments that were imported before heights of the elevation model were kept, and wait: they are found at once."""
 
 MIDDLE_CELL = """versant_cell(
     (ST_X(ST_StartPoint(geom_3857)) + ST_X(ST_EndPoint(geom_3857))) / 2,
@@ -184,10 +184,10 @@ class Segment(Numbered, Road, Base):
         sa.CheckConstraint("oneway IN (-1, 0, 1)", name="oneway"),
         sa.Index(None, "geom", postgresql_using="gist"),
         sa.Index(None, "geom_3857", postgresql_using="gist"),
-        # What items are asked for by. Equal values share an entry, so these are small.
+        # What items and imports ask for by. Equal values share an entry, so these are small.
+        sa.Index(None, "regions", postgresql_using="gin"),
         sa.Index(None, "highway"),
         sa.Index(None, "name", **where("name IS NOT NULL")),
-        # What an update left without heights is found at once, and that nothing is left, too.
         sa.Index("ix_segments_without_heights", "id", **where(WITHOUT_HEIGHTS)),
     )
 

@@ -7,6 +7,7 @@ import json
 import shutil
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from altimeter_support import altimeter_gpx
 from app.batch.folder import BatchFolder
 from app.batch.hands import Hands, hands
 from app.batch.run import Done, Request, run
+from app.batch.solving import StoredEvidence
 from app.cli import app
 from app.cli.fuse_files import Fusion
 from app.cli.options import LogFiles
+from fusion.network.segment_slopes import Adjustment
 from fusion.pipeline import parse_options
 from fusion.results import Solution
 from fusion.roads.osm import read_roads
@@ -168,6 +171,34 @@ def test_it_goes_on_where_it_was_cut_off(
     run(request(town), BatchFolder(folder), two, Unseen())
     assert bytes_of(folder) == bytes_of(done[1])
     assert [path.stat().st_mtime_ns for path in kept] == before
+
+
+@pytest.mark.slow
+def test_its_network_goes_on_after_the_last_step(
+    town: Demonstration, done: tuple[Done, Path], two: Hands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut off in each solution once, it has done no more of them than one that went through, but for these."""
+    solve, solutions = StoredEvidence.adjusted, list[bool]()
+
+    def cut_off(*given: Any) -> Adjustment:
+        solutions.append(len(solutions) % 2 == 0)
+        if solutions[-1]:
+            raise InterruptedError
+        return solve(*given)
+
+    monkeypatch.setattr(StoredEvidence, "adjusted", cut_off)
+    folder = BatchFolder(tmp_path)
+    while not folder.manifest.exists():
+        with suppress(InterruptedError):
+            run(request(town), folder, two, Unseen())
+    steps = len(solutions)
+    assert bytes_of(tmp_path) == bytes_of(done[1])
+
+    solutions.clear()
+    monkeypatch.setattr(StoredEvidence, "adjusted", lambda *given: solutions.append(False) or solve(*given))
+    run(request(town), BatchFolder(tmp_path / "through"), two, Unseen())
+    assert len(solutions) > 1, "an altimeter that is late"
+    assert steps == 2 * len(solutions)
 
 
 @pytest.mark.slow
