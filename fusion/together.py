@@ -121,7 +121,12 @@ class Evidence(Protocol):
         """Rows of the road file around these drives, ascending."""
         ...
 
-    def made_anew(self, lag_s: Mapping[int, float]) -> Set[int]:
+    @property
+    def altimeters(self) -> Set[int]:
+        """Drives whose factors can be made anew for another lag."""
+        ...
+
+    def made_anew(self, lag_s: Mapping[int, float], settled_s: float) -> Set[int]:
         """Make the factors of drives anew for lags of their altimeters (``factors_for_lag``); which drives' were."""
         ...
 
@@ -185,19 +190,23 @@ def solve_evidence(
         terrain = Terrain(dem.heights_along(*knot_positions(own), knot_rows(own))) if dem else None
         return evidence.adjusted(own, near[part], widening, terrain, surveyed.among(part))
 
-    def made_anew(part: Bools, among: Collection[int] | None) -> tuple[Adjustment | None, Set[int]]:
+    def made_anew(
+        part: Bools, among: Collection[int] | None, settled_s: float
+    ) -> tuple[Adjustment | None, Set[int]]:
         known = evidence.made_before()
         if known is not None:
             return None, known
         result = adjusted(part)
         lag_s = {numbers[k]: one for k, one in result.lag_s.items()}
-        return result, evidence.made_anew({k: one for k, one in lag_s.items() if among is None or k in among})
+        asked = {k: one for k, one in lag_s.items() if among is None or k in among}
+        return result, evidence.made_anew(asked, settled_s)
 
     def around(late: Set[int]) -> Bools:
         passed = np.isin(near, np.concatenate([_NOTHING, *(facts[k].trace.segment for k in late)]))
         return np.asarray(passed | gap_rows(table, passed))
 
-    result = with_settled_lags(solved, adjusted, made_anew, around)
+    altimeters = evidence.altimeters & set(numbers)
+    result = with_settled_lags(solved, altimeters, adjusted, made_anew, around)
     table, rows = table.subset(solved), near[solved]
     drives_on, wrong = _accepted(result, len(rows))
     for k, count in wrong.items():
@@ -240,12 +249,17 @@ class _InMemory:
         }
         return adjust(network, {place: said for place, said in own.items() if said}, terrain, control)
 
-    def made_anew(self, lag_s: Mapping[int, float]) -> Set[int]:
+    @property
+    def altimeters(self) -> Set[int]:
+        """See ``Evidence``."""
+        return {k for k, one in enumerate(self._drives) if one.result.late_by is not None}
+
+    def made_anew(self, lag_s: Mapping[int, float], settled_s: float) -> Set[int]:
         """See ``Evidence``."""
         anew = {
             k: factors
             for k, one in lag_s.items()
-            if (factors := factors_for_lag(self._drives[k].result, self._factors[k], one))
+            if (factors := factors_for_lag(self._drives[k].result, self._factors[k], one, settled_s))
         }
         self._factors |= anew
         return anew.keys()

@@ -157,12 +157,17 @@ class StoredEvidence:
         shutil.rmtree(place)
         return found
 
-    def made_anew(self, lag_s: Mapping[int, float]) -> Set[int]:
+    @property
+    def altimeters(self) -> Set[int]:
+        """See ``Evidence``."""
+        return self._lag_s.keys()
+
+    def made_anew(self, lag_s: Mapping[int, float], settled_s: float) -> Set[int]:
         """See ``Evidence``: their logs are fused again."""
         late = [
             Late(self._log(k), k, next_s, self.choices, self.folder, f"late-{k}-{self._step}")
             for k, one in lag_s.items()
-            if k in self._lag_s and (next_s := next_lag(self._lag_s[k], one)) is not None
+            if k in self._lag_s and (next_s := next_lag(self._lag_s[k], one, settled_s)) is not None
         ]
         bar, made = self.count(f"late altimeters, step {self._step + 1}", len(late)), dict[int, _Remade]()
         for one, rows in self.hands.results(late, lambda one: (one.work,)):

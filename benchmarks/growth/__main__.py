@@ -112,9 +112,9 @@ def _made(
     name = f"growth_{segments}"
     new = databases.ensure_database(cluster.url, name)
     service = Service(HERE, libpq_url(cluster.url_of(name)), folder / name, threads=1)
+    service.command("migrate")
     if new:
         show_progress(f"{segments} segments: roads and drives")
-        service.command("migrate")
         service.command("import-roads", str(args.roads), "--region", "first")
         with _running(service):
             for log in logs:
