@@ -192,4 +192,22 @@ def hands(scheduler: str | None, processes: int | None, memory: str | None) -> I
             raise BatchError(
                 f"No scheduler answers at {scheduler}. Start one, or leave --scheduler out."
             ) from error
+        _require_same_code(client)
         yield Hands(client)
+
+
+def _require_same_code(client: Any) -> None:
+    """Workers elsewhere have what they are installed with: without Versant they would never answer."""
+
+    def version() -> str | None:  # sent as it stands here, so that it needs nothing there
+        try:
+            from app.core.version import code_version  # noqa: PLC0415
+        except ImportError:
+            return None
+        return code_version()
+
+    ours = version()
+    for worker, theirs in client.run(version).items():
+        if theirs != ours:
+            has = "no Versant" if theirs is None else f"Versant {theirs}"
+            raise BatchError(f"The worker {worker} has {has}, and this is {ours}: install the same there.")

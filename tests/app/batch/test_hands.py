@@ -99,6 +99,14 @@ def test_workers_compute_by_one_thread_each(two: Hands) -> None:
     assert threads == "1"
 
 
+@pytest.mark.slow
+def test_workers_with_another_version_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As those of a scheduler elsewhere may be, which would answer something else, or never."""
+    monkeypatch.setattr("app.core.version.__version__", "0.0.1")
+    with pytest.raises(BatchError, match=r"has Versant \S+, and this is 0\.0\.1: install"), hands(None, 1, None):
+        pass
+
+
 def test_without_dask_it_is_said_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(BatchError, match=r"versant\[batch\]"), hands(None, 1, None):
