@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.lapack import dpotri
 
 from fusion.types import Floats
 
@@ -50,12 +51,14 @@ class DenseFront:
         count = len(self.lower)
         if not count:
             return rest, covariance
-        inverse = solve_triangular(self.lower, np.eye(count), lower=True)
-        x = inverse.T @ (self.reduced - self.across.T @ rest)
-        gain = self.across @ inverse
+        x = solve_triangular(self.lower, self.reduced - self.across.T @ rest, lower=True, trans="T")
+        gain = solve_triangular(self.lower, self.across.T, lower=True, trans="T")
+        inverse, _ = dpotri(self.lower, lower=True)
         out = np.empty((count + len(rest), count + len(rest)))
         out[count:, count:] = covariance
-        out[count:, :count] = -covariance @ gain
-        out[:count, count:] = out[count:, :count].T
-        out[:count, :count] = inverse.T @ inverse - gain.T @ out[count:, :count]
+        out[:count, count:] = -gain @ covariance
+        out[count:, :count] = out[:count, count:].T
+        own = np.tril(inverse)
+        own += np.tril(inverse, -1).T
+        out[:count, :count] = own - out[:count, count:] @ gain.T
         return np.concatenate([x, rest]), out
