@@ -58,6 +58,11 @@ class Hands:
         self._client = client
 
     @property
+    def count(self) -> int:
+        """How many there are just now."""
+        return max(1, sum(int(threads) for threads in self._client.nthreads().values()))
+
+    @property
     def executor(self) -> Executor:
         """The same hands as the standard library's executor."""
         return self._client.get_executor(pure=False)  # type: ignore[no-any-return]
@@ -77,7 +82,7 @@ class Hands:
 
         waiting, flying = iter(items), dict[str, Any]()
         ended: Any = as_completed([], loop=self._client.loop)  # type: ignore[no-untyped-call]
-        room = max(FEWEST_WAITING, WAITING_PER_HAND * sum(self._client.nthreads().values()))
+        room = max(FEWEST_WAITING, WAITING_PER_HAND * self.count)
         while True:
             while len(flying) < room and (item := next(waiting, None)) is not None:
                 function, *arguments = call(item)

@@ -149,7 +149,7 @@ class StoredEvidence:
         place = self.folder.scratch / f"step-{self._step}"
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir()
-        blocks = bisected(network, MOST_SEGMENTS, folder=place)
+        blocks = replace(bisected(network, MOST_SEGMENTS, folder=place), hands=self.hands.count)
         bar = self.count(f"network, solution {self._step + 1}", tasks_of(blocks))
         self._tell(place, network, self.row[rows], blocks.block, widening)
         blocks = replace(blocks, executor=Counted(self.hands.executor, bar))

@@ -31,8 +31,10 @@ ROUNDS = 4
 
 def tasks_of(blocks: Partition) -> int:
     """About how many tasks a solution in so many blocks is."""
-    nodes, leaves = len(blocks.tree().parent), int(blocks.block.max(initial=0)) + 1
-    return 2 * ROUNDS * nodes + 3 * leaves
+    tree = blocks.tree()
+    bundle = tree.bundles(blocks.hands)
+    leaves = [node for node, children in enumerate(tree.children) if not children]
+    return len(leaves) + 2 * len(np.unique(bundle[leaves])) + 2 * ROUNDS * len(np.unique(bundle))
 
 
 def adjust(

@@ -10,11 +10,15 @@ from typing import Protocol
 
 import numpy as np
 
+from fusion.network.blockwise.work import EACH_WAITING
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.pass_factor import CONSTANTS, PassFactor
 from fusion.network.unknowns import RoadUnknowns
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
+
+MOST_BUNDLED = 4
+"""Blocks of one task."""
 
 
 class PassSource(Protocol):
@@ -32,12 +36,14 @@ class Partition:
     ``parent`` is the tree: the node above each node, -1 above the root. Its first nodes are the blocks. Without it
     numbers are halved. ``folder`` is where the work leaves what later work needs, for all hands to reach; without it
     this process's memory serves, for hands in this process. Who names it removes it, after the last covariance.
+    ``hands``: how many tasks the executor works on at once.
     """
 
     block: Ints
     executor: Executor | None = None
     parent: Ints | None = None
     folder: Path | None = None
+    hands: int = 2
 
     def tree(self) -> BlockTree:
         """The tree over the blocks."""
@@ -65,6 +71,21 @@ class BlockTree:
         self.rank = np.empty(len(self.parent), np.int64)
         """Where each node stands in ``order``"""
         self.rank[self.order] = np.arange(len(self.order))
+
+    def bundles(self, hands: int) -> Ints:
+        """For each node the root of the small subtree with which it is one task: few enough blocks that so many
+        ``hands`` have enough of them."""
+        blocks = np.array([not children for children in self.children], np.int64)
+        for node in self.order:
+            if self.parent[node] >= 0:
+                blocks[self.parent[node]] += blocks[node]
+        most = min(MOST_BUNDLED, blocks[self.root] // (EACH_WAITING * hands))
+        root = np.arange(len(self.parent))
+        for node in self.order[::-1]:
+            above = self.parent[node]
+            if above >= 0 and blocks[above] <= most:
+                root[node] = root[above]
+        return root
 
     def lowest_above(self, left: Ints, right: Ints) -> Ints:
         """The lowest node that is above, or is, both of two nodes, (m,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +29,9 @@ def store_of(partition: Partition) -> Store:
 def summaries(source: PassSource, partition: Partition, store: Store) -> list[PassColumns]:
     """What is known of the passes of each block but what they say, in the order of the blocks; that is in the store."""
     blocks = np.unique(partition.block).tolist()
-    found = dict(done(partition.executor, blocks, {}, lambda k: (tasks.summary, store, source, k)))
+    found = dict(
+        done(partition.executor, blocks, {}, lambda k: (tasks.summary, store, source, k), partition.hands)
+    )
     return [found[k] for k in blocks]
 
 
@@ -51,10 +53,11 @@ class BlockedSystem:
         store: Store | None = None,
         place: Ints = _NOTHING,
     ) -> None:
-        self.size, self.executor = size, partition.executor
+        self.size, self.executor, self.hands = size, partition.executor, partition.hands
         self.store = store or store_of(partition)
         self.kinds = [b for b in blocks if len(b.variables)]
         self.tree = partition.tree()
+        self._bundles = self.tree.bundles(self.hands).tolist()
         self.owners = Owners(size, [b.variables for b in self.kinds], home, self.tree)
         self._rows: dict[int, list[tuple[int, Ints]]] = {}
         """Of each block that has equations the kinds that it has, and which of them"""
@@ -113,7 +116,7 @@ class BlockedSystem:
         """The solution at the present weights; of ``covariances`` only what is asked of equations where they are not
         wanted. Raises ``ValueError`` where some unknown is not determined."""
         children = {n: [c for c, _ in node.children] for n, node in self._nodes.items()}
-        for _ in done(self.executor, self._order, children, self._elimination):
+        for _ in self._done(self._order, children, self._elimination):
             pass
         x = np.zeros(self.size)
         answers = {
@@ -128,7 +131,7 @@ class BlockedSystem:
             return tasks.finish_block, self.store, number, covariances
 
         parents = {n: [above] for n in self._order if (above := int(self.tree.parent[n])) in self._nodes}
-        for number, found in done(self.executor, self._order[::-1], parents, finish):
+        for number, found in self._done(self._order[::-1], parents, finish):
             inside = self._inside.get(number, _NOTHING)
             x[inside] = found if number in self._nodes else found[0]
             if number in self._rows:
@@ -148,7 +151,12 @@ class BlockedSystem:
 
     def each(self, blocks: Iterable[int], job: Callable[[int], Job]) -> Iterator[tuple[int, Any]]:
         """What the job of each block returns, as they come."""
-        return done(self.executor, sorted(blocks, key=self.tree.rank.__getitem__), {}, job)
+        return self._done(sorted(blocks, key=self.tree.rank.__getitem__), {}, job)
+
+    def _done(
+        self, order: Sequence[int], before: Mapping[int, Sequence[int]], job: Callable[[int], Job]
+    ) -> Iterator[tuple[int, Any]]:
+        return done(self.executor, order, before, job, self.hands, self._bundles)
 
     def by_block(self, rows: Ints) -> Iterator[tuple[int, Ints]]:
         """Blocks, and which of the rows of unknowns (m, k) each of them knows."""

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.network.blockwise.partition import BlockTree, Partition, bisected, halved
+from fusion.network.blockwise.partition import MOST_BUNDLED, BlockTree, Partition, bisected, halved
+from fusion.network.blockwise.work import EACH_WAITING
 from network_draws import town
 
 
@@ -62,6 +63,18 @@ def test_children_come_before_parents_and_each_subtree_in_one_run(seed: int, cou
         ranks = sorted(tree.rank[list(below(tree, node))].tolist())
         assert ranks == list(range(ranks[0], ranks[-1] + 1))
         assert tree.rank[node] == ranks[-1]
+
+
+@given(count=st.integers(1, 200), hands=st.integers(1, 20))
+def test_bundles_are_small_subtrees_of_which_all_hands_have_enough(count: int, hands: int) -> None:
+    tree = BlockTree(halved(count))
+    bundles = tree.bundles(hands)
+    for root in np.unique(bundles).tolist():
+        own = set(np.flatnonzero(bundles == root).tolist())
+        assert own in ({root}, below(tree, root)), "an upper node by itself, or a whole subtree"
+        assert len([n for n in own if n < count]) <= MOST_BUNDLED
+    of_blocks = len(np.unique(bundles[:count]))
+    assert of_blocks >= min(count, EACH_WAITING * hands)
 
 
 def test_a_tree_has_one_root() -> None:

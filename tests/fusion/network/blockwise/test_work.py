@@ -5,11 +5,12 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from threading import Lock
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.network.blockwise.work import AT_ONCE, done
+from fusion.network.blockwise.work import EACH_WAITING, done
 
 
 class Watch:
@@ -29,15 +30,20 @@ class Watch:
         return number**2
 
 
-@given(count=st.integers(0, 60), hands=st.integers(0, 3), data=st.data())
-def test_jobs_begin_after_those_before_them(count: int, hands: int, data: st.DataObject) -> None:
+@given(count=st.integers(0, 60), hands=st.integers(0, 3), run=st.integers(1, 5), data=st.data())
+def test_jobs_begin_after_those_before_them(count: int, hands: int, run: int, data: st.DataObject) -> None:
+    """One by one, or so many together."""
     before = {
         n: sorted(data.draw(st.sets(st.integers(0, n - 1), max_size=3))) if n else [] for n in range(count)
     }
     watch = Watch()
     if hands:
         with ThreadPoolExecutor(hands) as executor:
-            found = list(done(executor, range(count), before, lambda n: (watch.work, n)))
+            found = list(
+                done(
+                    executor, range(count), before, lambda n: (watch.work, n), hands, np.arange(count) // run
+                )
+            )
     else:
         found = list(done(None, range(count), before, lambda n: (watch.work, n)))
     assert sorted(found) == [(n, n**2) for n in range(count)]
@@ -53,9 +59,9 @@ def test_jobs_are_made_when_their_turn_comes() -> None:
         return abs, number
 
     with ThreadPoolExecutor(2) as executor:
-        results = done(executor, range(100), {}, job)
+        results = done(executor, range(100), {}, job, hands=3)
         next(results)
-        assert len(made) == AT_ONCE
+        assert len(made) == 3 * EACH_WAITING
         assert len(list(results)) == 99
 
 
