@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import pickle
+import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 from uuid import uuid4
+
+_TRIES, _WAIT_S = 50, 0.02
+"""How often a value is looked for that is not there."""
 
 Key = tuple[str, int]
 """What it is, and of which node."""
@@ -49,12 +54,17 @@ class FolderStore:
         place, partial = self._file(key), self.folder / f".{uuid4().hex}"
         with partial.open("wb") as file:
             pickle.dump(value, file, pickle.HIGHEST_PROTOCOL)
+        # Put over a file that is there, it would go to the disk at once, as would whatever is wanted for a second only.
+        place.unlink(missing_ok=True)
         partial.replace(place)
 
     def get(self, key: Key) -> Any:
-        """Read the value of a key."""
-        with self._file(key).open("rb") as file:
-            return pickle.load(file)  # noqa: S301 - our own files
+        """Read the value of a key, which is away for a moment while a second one is written."""
+        for _ in range(_TRIES):
+            with suppress(FileNotFoundError), self._file(key).open("rb") as file:
+                return pickle.load(file)  # noqa: S301 - our own files
+            time.sleep(_WAIT_S)
+        raise KeyError(key)
 
     def _file(self, key: Key) -> Path:
         return self.folder / f"{key[0]}-{key[1]}"
