@@ -64,6 +64,8 @@ class Unseen:
 class Here:
     """Work is done in this process, one piece after the other."""
 
+    count = 1
+
     def __init__(self, executor: Executor) -> None:
         self.executor = executor
 
