@@ -36,16 +36,17 @@ LIBRARY = {
     "catalogue": {"gnss", "methods", "profile", "published"},
     "report": {"formats", "methods", "terrain"},
     "pipeline": {"catalogue", "gnss", "methods", "report", "roads", "terrain"},
-    "together": {"methods", "network", "roads", "terrain"},
+    "lags": {"methods", "network"},
+    "together": {"lags", "methods", "network", "roads", "terrain"},
     "results": {"methods", "network", "together", "roads", "terrain"},
     "simulate": {"formats", "gnss", "roads"},
     "__init__": {"formats", "pipeline", "results", "roads", "terrain"},
 }
 """Room -> the rooms of the library that it may import from."""
 
-AT_THE_ROOT = {"catalogue", "pipeline", "report", "results", "together", "__init__"}
+AT_THE_ROOT = {"catalogue", "lags", "pipeline", "report", "results", "together", "__init__"}
 """Files at the library's root beside the ground: all that has a name, one drive through everything, its report, several
-drives and their tables, and the front door, which offers names of the rooms to scripts and loads none
+drives with the lags of their altimeters, their tables, and the front door, which offers names of the rooms to scripts and loads none
 of them before it is asked for."""
 
 SERVICE = {
