@@ -46,8 +46,8 @@ LIBRARY = {
 
 AT_THE_ROOT = {"catalogue", "lags", "pipeline", "report", "results", "together", "__init__"}
 """Files at the library's root beside the ground: all that has a name, one drive through everything, its report, several
-drives with the lags of their altimeters, their tables, and the front door, which offers names of the rooms to scripts and loads none
-of them before it is asked for."""
+drives with the lags of their altimeters, their tables, and the front door, which offers names of the rooms to scripts
+and loads none of them before it is asked for."""
 
 SERVICE = {
     "access": {"core"},

@@ -103,7 +103,10 @@ def test_workers_compute_by_one_thread_each(two: Hands) -> None:
 def test_workers_with_another_version_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """As those of a scheduler elsewhere may be, which would answer something else, or never."""
     monkeypatch.setattr("app.core.version.__version__", "0.0.1")
-    with pytest.raises(BatchError, match=r"has Versant \S+, and this is 0\.0\.1: install"), hands(None, 1, None):
+    with (
+        pytest.raises(BatchError, match=r"has Versant \S+, and this is 0\.0\.1: install"),
+        hands(None, 1, None),
+    ):
         pass
 
 
