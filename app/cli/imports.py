@@ -225,17 +225,30 @@ def import_control(
 
 
 @app.command("settle")
-def settle(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE) -> None:
+def settle(
+    ctx: typer.Context,
+    by_workers: bool = flag("Leave it to the workers of all machines, side by side.", "--by-workers"),
+    data_dir: Path | None = DATA_DIR,
+    json_file: Path | None = JSON_FILE,
+) -> None:
     """Compute the slopes of the whole network anew from what the drives contributed.
 
     Wanted after an elevation import, which by itself changes no slope, and after an update of Versant that
     changes how drives are put together. Drives are not processed again, and may come and go meanwhile.
+    With --by-workers it ends at once, and workers settle cell by cell whenever no drive waits.
     """
     from app.cli.database import sessions
-    from app.network.settle import settle_network
+    from app.drives.publishing import SETTLE_AFTER_S
+    from app.network.settle import leave_to_workers, settle_network
 
     console: Console = ctx.obj
     started = time.perf_counter()
+    if by_workers:
+        with sessions(data_dir) as (_, factory):
+            cells = leave_to_workers(factory, SETTLE_AFTER_S)
+        typer.echo(f"{cells} cells wait for the workers.")
+        write_json(json_file, {"cells": cells})
+        return
     with sessions(data_dir) as (_, factory), console.progress() as bars:
         segments = settle_network(factory, bars.work("network"))
     seconds = time.perf_counter() - started

@@ -72,9 +72,17 @@ _UNSETTLE = text("""
             generate_series(-1, 1) AS dx, generate_series(-1, 1) AS dy)
 """)
 _TAKE_UNSETTLED = text("UPDATE cells SET unsettled_since = NULL WHERE id = ANY(CAST(:ids AS integer[]))")
-_UNSETTLED = text("""
-    SELECT id FROM cells WHERE unsettled_since < clock_timestamp() - make_interval(secs => :age_s)
-    ORDER BY unsettled_since, id LIMIT :limit
+# Of two workers each takes another.
+_TAKE_DUE = text("""
+    UPDATE cells SET unsettled_since = NULL WHERE id = (
+        SELECT id FROM cells WHERE unsettled_since < clock_timestamp() - make_interval(secs => :age_s)
+        ORDER BY unsettled_since, id LIMIT 1 FOR UPDATE SKIP LOCKED)
+    RETURNING id
+""")
+# In no order: workers that settle cells side by side are rarely beside each other.
+_MAKE_DUE = text("""
+    UPDATE cells SET unsettled_since = clock_timestamp() - make_interval(secs => :age_s * (1 + random()))
+    WHERE id = ANY(CAST(:ids AS integer[]))
 """)
 
 # The sum changes with every cell; the time differs between two databases behind one address.
@@ -125,9 +133,15 @@ def unsettle(session: Session, cells: Collection[int]) -> None:
         session.execute(_UNSETTLE, {"ids": sorted(cells)})
 
 
-def unsettled(session: Session, age_s: float, limit: int) -> list[int]:
-    """Cells that have waited for ``age_s`` to be settled, the longest first."""
-    return list(session.execute(_UNSETTLED, {"age_s": age_s, "limit": limit}).scalars())
+def take_due(session: Session, age_s: float) -> int | None:
+    """The cell that has waited longest to be settled, if for ``age_s``: only later changes make it wait again."""
+    found: int | None = session.execute(_TAKE_DUE, {"age_s": age_s}).scalar()
+    return found
+
+
+def make_due(session: Session, cells: Collection[int], age_s: float) -> None:
+    """Have these cells wait as if they had for ``age_s``."""
+    session.execute(_MAKE_DUE, {"ids": sorted(cells), "age_s": age_s})
 
 
 def take_unsettled(session: Session, cells: Collection[int]) -> None:

@@ -15,7 +15,15 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.core.telemetry.measures import SWAP_CONFLICTS
-from app.network.cells import beside, cells_over, take_unsettled, unsettle, unsettled, versions_of
+from app.network.cells import (
+    beside,
+    cells_over,
+    make_due,
+    take_due,
+    take_unsettled,
+    unsettle,
+    versions_of,
+)
 from app.network.locks import cell_claim
 from app.network.solve import settle_cell
 from app.network.swap import BusyError, Proposal, condense_old_passes, log_solution, snapshot, swap
@@ -23,6 +31,7 @@ from fusion.types import Progress, no_progress
 
 _WAIT_S = 0.1
 _TRIES = 100
+_MARKED_AT_ONCE = 1000
 
 # Slopes are renewed where they are and where they should be: those without evidence must go. Of the passes over a
 # segment one is read, however many there are.
@@ -89,16 +98,32 @@ def settle_about(sessions: Sessions, segment_ids: Collection[int], progress: Pro
 
 def settle_due(sessions: Sessions, age_s: float) -> bool:
     """Settle the cell that has waited longest, if it has waited for ``age_s``; whether there was one."""
+    with sessions.begin() as session:
+        cell = take_due(session, age_s)
+    if cell is None:
+        return False
+    _settle_taken(sessions, cell)
+    return True
+
+
+def leave_to_workers(sessions: Sessions, age_s: float) -> int:
+    """Have every cell of the network wait as if it had for ``age_s``: the workers of all machines settle them side by
+    side, while no drive waits. How many there are."""
     with sessions() as session:
-        due = unsettled(session, age_s, 1)
-    for cell in due:
-        _settle(sessions, cell)
-    return bool(due)
+        cells = [row.cell for row in session.execute(_CELLS)]
+    for first in range(0, len(cells), _MARKED_AT_ONCE):
+        with sessions.begin() as session:
+            make_due(session, cells[first : first + _MARKED_AT_ONCE], age_s)
+    return len(cells)
 
 
 def _settle(sessions: Sessions, cell: int) -> None:
     with sessions.begin() as session:
         take_unsettled(session, [cell])
+    _settle_taken(sessions, cell)
+
+
+def _settle_taken(sessions: Sessions, cell: int) -> None:
     try:
         with cell_claim(sessions) as claim:
             for attempt in range(_TRIES):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,9 @@ from typer.testing import CliRunner, Result
 
 from app.cli import app
 from app.core.db import Sessions, make_engine, session_factory
+from app.drives.publishing import SETTLE_AFTER_S
 from app.network import extracts as road_store
+from app.network.settle import settle_due
 from fusion.simulate.demonstration import write_all
 from fusion.simulate.scene.town import Town
 from network_support import assert_same, drive_over, rows_of
@@ -52,6 +55,29 @@ def test_rebuild_makes_the_network_from_its_passes(sessions: Sessions, tmp_path:
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert figures["segments"] > 0
     assert f"{figures['segments']} segments of the network" in result.stdout
+
+
+def test_workers_settle_it_side_by_side(sessions: Sessions, tmp_path: Path) -> None:
+    """Each cell once, however often it was asked for."""
+    before = rows_of(sessions)
+    with sessions.begin() as session:
+        for relation in ("network_slopes", "segment_slopes"):
+            session.execute(text(f"DELETE FROM {relation}"))
+    for _ in range(2):
+        result = run("settle", "--by-workers", "--json", tmp_path / "figures.json")
+    cells = json.loads((tmp_path / "figures.json").read_text())["cells"]
+    assert f"{cells} cells wait for the workers." in result.stdout
+    assert rows_of(sessions) == {}
+
+    def lane(_: int) -> int:
+        settled = 0
+        while settle_due(sessions, SETTLE_AFTER_S):
+            settled += 1
+        return settled
+
+    with ThreadPoolExecutor(3) as lanes:
+        assert sum(lanes.map(lane, range(3))) == cells > 1
+    assert_same(before, rows_of(sessions))
 
 
 def test_repeats_are_shown_learned_and_reset(sessions: Sessions, tmp_path: Path) -> None:
