@@ -147,7 +147,9 @@ class Setup:
     def round(self, zoom: int) -> dict[str, Rates]:
         """Every row once, at one zoom."""
         own = self.paths(zoom, "/tiles/{z}/{x}/{y}.mvt")
-        its = f"/collections/{SCHEMA}.tiles/tiles/WebMercatorQuad/{{z}}/{{x}}/{{y}}?properties=" + ",".join(PROPERTIES)
+        its = f"/collections/{SCHEMA}.tiles/tiles/WebMercatorQuad/{{z}}/{{x}}/{{y}}?properties=" + ",".join(
+            PROPERTIES
+        )
         rates = {
             "tipg": ask(self.theirs, self.paths(zoom, its), seconds=self.seconds, compressed=False),
             "bare": ask(self.plain, self.paths(zoom, "/{z}/{x}/{y}"), seconds=self.seconds, compressed=False),
@@ -173,7 +175,8 @@ class Setup:
         """Pages of 1,000 features."""
         ours = [Asked(f"/collections/segments/items?limit={PAGE}&bbox={box}") for box in self.boxes]
         theirs = [
-            Asked(f"/collections/{SCHEMA}.items/items?f=geojson&limit={PAGE}&bbox={box}") for box in self.boxes
+            Asked(f"/collections/{SCHEMA}.items/items?f=geojson&limit={PAGE}&bbox={box}")
+            for box in self.boxes
         ]
         return {
             "items": ask(self.ours, ours, seconds=self.seconds, compressed=False),
