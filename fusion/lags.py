@@ -19,7 +19,8 @@ LAG_GAIN, LAG_STEP_S = 1.3, 2.5
 LARGEST_PART = 0.5
 """Of a network: what is larger is not solved by itself before all is."""
 OFF_AMONG_ALL = 2.0
-"""A lag that stands where its drive drove may be off by so many times as much among all. Rarely is one known better."""
+"""A lag that stands where its drive drove may be off by so many times as much among all, so that one drive is no reason
+to solve all once more."""
 
 
 class MadeAnew(Protocol):
@@ -48,8 +49,10 @@ def with_settled_lags(
     for _ in range(LAG_ROUNDS):
         stands_there = False
         for _ in range(LAG_ROUNDS):
+            if not late:
+                break
             part = every & around(late)
-            if not late or part.sum() > LARGEST_PART * every.sum():
+            if part.sum() > LARGEST_PART * every.sum():
                 break
             late = made_anew(part, late, LAG_SETTLED_S)[1]
             stands_there = not late

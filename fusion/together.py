@@ -32,8 +32,6 @@ from fusion.terrain.datum import datum_of_network
 from fusion.terrain.dem import Dem
 from fusion.types import Bools, Floats, Ints
 
-_NOTHING = np.empty(0, np.int64)
-
 
 @dataclass(frozen=True, eq=False)
 class FusedDrive:
@@ -202,7 +200,7 @@ def solve_evidence(
         return result, evidence.made_anew(asked, settled_s)
 
     def around(late: Set[int]) -> Bools:
-        passed = np.isin(near, np.concatenate([_NOTHING, *(facts[k].trace.segment for k in late)]))
+        passed = np.isin(near, np.concatenate([facts[k].trace.segment for k in late]))
         return np.asarray(passed | gap_rows(table, passed))
 
     altimeters = evidence.altimeters & set(numbers)
