@@ -169,6 +169,9 @@ def hands(scheduler: str | None, processes: int | None, memory: str | None) -> I
                     "distributed.worker.multiprocessing-method": "forkserver",
                     # Results are files: a worker has nothing to spill, and one that waits for room waits for ever.
                     **dict.fromkeys([f"distributed.worker.memory.{name}" for name in _RESERVES], False),
+                    # Nobody looks at the samples that workers take of their stacks, nor at figures twice a second.
+                    "distributed.worker.profile.enabled": False,
+                    "distributed.admin.system-monitor.interval": "5s",
                 }
             )
         )

@@ -51,6 +51,8 @@ _TABLES = text("""
     WHERE c.relkind = 'r' AND c.relnamespace = CAST('public' AS regnamespace)
     GROUP BY 1 HAVING sum(pg_total_relation_size(c.oid)) > 1e6 ORDER BY 2 DESC
 """)
+MOMENTS = ("created_at", "drive_time", "queued_at", "started_at", "computed_at", "finished_at")
+"""Of a drive: those of a copy are of another day."""
 _SLOPES = ("network_slopes", "segment_slopes")
 
 
@@ -68,7 +70,7 @@ def _statements() -> list[str]:
     on_road = " JOIN mapped AS m ON m.original = t.segment_id"
     drives = {
         "id": "n.id", "sha256": "md5(CAST(n.id AS text))", "content_sha256": "NULL", "blob_key": "CAST(n.id AS text)",
-        "size_bytes": "0", "created_at": f"t.created_at - {moved}", "drive_time": f"t.drive_time - {moved}",
+        "size_bytes": "0", **{moment: f"t.{moment} - {moved}" for moment in MOMENTS},
     }  # fmt: skip
     passes = {
         "id": "", "drive_id": "n.id", "segment_id": "m.id",

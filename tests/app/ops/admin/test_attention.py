@@ -147,7 +147,7 @@ def test_coverage_grows_day_by_day(filled: Web) -> None:
     assert {row["highway"]: row["driven_km"] for row in now[1:]} == pytest.approx(covered)
     run(filled, "UPDATE cells SET driven = '{}'")
     figures.note_today(filled.sessions)
-    assert [row["driven_segments"] for row in rows(filled, "growth")] == [2]
+    assert [row["driven_segments"] for row in rows(filled, "growth")] == [2, 0, 0]
 
 
 def test_kept_tiles_are_counted_and_those_that_are_old_told(filled: Web) -> None:
