@@ -19,8 +19,8 @@ from app.core.version import code_version
 from app.drives.documents import Drive
 from app.drives.log_facts import LogFacts
 from app.drives.trials.documents import Trial
+from app.jobs import memory
 from app.jobs.context import JobContext
-from app.jobs.memory import MORE_MEMORY
 from app.jobs.requests.store import Failure
 from app.network.extracts import Roads, roads_in
 from app.roads import store as road_store
@@ -227,7 +227,8 @@ def failure_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Fa
         return Failure(error.kind, blanked(str(error)), error.where, stage)
     if isinstance(error, MemoryError):
         logger.error("%s %s: out of memory in stage %s", what, number, stage)
-        reason = f"The drive needs {MORE_MEMORY}. Split the log into shorter drives."
+        memory.forget(error)
+        reason = f"The drive needs {memory.MORE_MEMORY}. Split the log into shorter drives."
         return Failure("out-of-memory", reason, stage=stage)
     logger.error("%s %s failed unexpectedly in stage %s", what, number, stage, exc_info=error)
     reason = (

@@ -11,6 +11,7 @@ import ctypes
 import gc
 import re
 import sys
+import traceback
 from contextlib import suppress
 from pathlib import Path
 
@@ -47,6 +48,12 @@ def give_back() -> None:
     gc.collect()
     with suppress(OSError, AttributeError):  # another C library
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def forget(error: MemoryError) -> None:
+    """Let go of what the run held that failed by this error, so that the next one begins with as much as it did."""
+    traceback.clear_frames(error.__traceback__)
+    give_back()
 
 
 def _figure_bytes(file: str, name: str) -> int:

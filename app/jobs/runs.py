@@ -16,8 +16,8 @@ from procrastinate.connector import BaseAsyncConnector
 from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
 from app.core.telemetry.logs import about
+from app.jobs import memory
 from app.jobs.computations import Liveness
-from app.jobs.memory import MORE_MEMORY
 from app.jobs.task import QUEUE, Interrupted, Task, TooLongError, Work, is_connection_loss
 from fusion.errors import FusionError
 
@@ -202,7 +202,8 @@ def _failure_of(task: Task, error: Exception) -> tuple[str, str]:
     if isinstance(error, FusionError):
         return error.kind, str(error)
     if isinstance(error, MemoryError):
-        return "out-of-memory", f"This {task.subject} needs {MORE_MEMORY}. {task.advice}"
+        memory.forget(error)
+        return "out-of-memory", f"This {task.subject} needs {memory.MORE_MEMORY}. {task.advice}"
     fault = (
         f"Processing failed by a fault of the service ({type(error).__name__}). It is in the worker's log."
     )

@@ -78,9 +78,9 @@ def _read(source: bytes | Path | BinaryIO, max_bytes: int) -> bytes:
         try:
             if isinstance(source, Path):
                 with source.open("rb") as stream:
-                    data = stream.read(max_bytes + 1)
+                    data = _all_of(stream, max_bytes)
             else:
-                data = source.read(max_bytes + 1)
+                data = _all_of(source, max_bytes)
         except OSError as error:
             raise LogError(f"The log cannot be read: {error.strerror or error}. Check the path.") from error
     if len(data) > max_bytes:
@@ -88,6 +88,14 @@ def _read(source: bytes | Path | BinaryIO, max_bytes: int) -> bytes:
             f"The log is larger than the {_size(max_bytes)} that are read at most. Split the recording."
         )
     return data
+
+
+def _all_of(stream: BinaryIO, max_bytes: int) -> bytes:
+    """What is there, or somewhat more than ``max_bytes`` of it: asked for so many at once Python makes room for all."""
+    out = BytesIO()
+    while out.tell() <= max_bytes and (piece := stream.read(CHUNK_BYTES)):
+        out.write(piece)
+    return out.getvalue()
 
 
 def gunzip(data: bytes, max_bytes: int, notes: Notes, progress: Progress) -> bytes:

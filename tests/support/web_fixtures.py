@@ -28,6 +28,7 @@ from app.drives import store as drives
 from app.embedded.cluster import EmbeddedPostgres
 from app.jobs.context import JobContext
 from app.main import create_app
+from app.map import figures
 from app.network import extracts
 from app.network import results as slopes
 from app.network.marks import MarkedBy
@@ -276,6 +277,7 @@ def reading(
         fill_roads(running.sessions)
         add_drive(running.sessions, [0, 1, 2], 3.0)
         add_drive(running.sessions, [2, 3, 4, 5], -1.0)
+        figures.note_today(running.sessions)
         yield running
     databases.drop_database(cluster.url, name)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -229,3 +230,27 @@ def test_a_run_just_beyond_a_short_limit_may_still_look(queue: Queue) -> None:
     none, late = overdue
     assert none == []
     assert len(late) == 1
+
+
+class Much:
+    """What a run holds, in a cycle, as such are collected late."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+def test_a_run_that_wanted_too_much_memory_holds_none_of_it_when_its_error_has_been_told(
+    queue: Queue,
+) -> None:
+    queue.add(queue.kinds[0])
+    held: list[weakref.ref[Much]] = []
+    errors: list[MemoryError] = []
+
+    def take(_: Work) -> None:
+        much = Much()
+        held.append(weakref.ref(much))
+        errors.append(MemoryError())
+        raise errors[0]
+
+    assert [said[1] for said in queue.work(take) if said[0] == "given up"] == ["out-of-memory"]
+    assert held[0]() is None

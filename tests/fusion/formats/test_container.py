@@ -80,6 +80,16 @@ def test_the_size_limit_holds_for_plain_and_packed_logs(samples: dict[str, bytes
             read_log(source, max_bytes=len(sample) - 1)
 
 
+def test_a_small_file_takes_little_memory_however_large_one_may_be(
+    samples: dict[str, bytes], tmp_path: Path
+) -> None:
+    path = tmp_path / "log"
+    path.write_bytes(samples["csv"])
+    with path.open("rb") as stream:
+        for source in (path, stream):
+            assert len(read_log(source, max_bytes=2**50).fix) == 20
+
+
 def test_a_truncated_gzip_gives_what_could_be_unpacked(samples: dict[str, bytes]) -> None:
     packed = gzip.compress(samples["nmea"])
     log = read_log(packed[: len(packed) * 2 // 3])
