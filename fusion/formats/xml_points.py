@@ -6,6 +6,7 @@ in arrays from the moment that it is read. Prefixes of names are ignored, declar
 
 from __future__ import annotations
 
+import re
 from array import array
 from collections.abc import Mapping, MutableSequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ import numpy as np
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes, number_or_nan, refuse_many
+from fusion.formats.glance import Ends
 from fusion.formats.time_texts import unix_seconds
 from fusion.types import Floats, Ints, Progress
 
@@ -50,6 +52,18 @@ class Layout:
     fields: Mapping[str, str]
     breaks: tuple[str, ...]
     others: tuple[str, ...]
+
+
+def excerpt(ends: Ends, layout: Layout) -> bytes:
+    """A short document of the first and the last points of a long one; its end tags may be those of other elements."""
+    tag = re.compile(rb"<(?:[\w.-]+:)?" + layout.point.encode() + rb"[\s>]")
+    first = tag.search(ends.head)
+    start = ends.head[: (first.start() if first else 0) + ends.excerpt_bytes]
+    points = [point.start() for point in tag.finditer(start)]
+    again = tag.search(ends.end)
+    if not points or again is None:
+        return start
+    return start[: points[-1]] + ends.end[again.start() :]
 
 
 @dataclass
