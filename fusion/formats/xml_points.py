@@ -32,6 +32,8 @@ DEEPEST = 100
 MOST_NAMES = 1000
 """Names of elements that are remembered: a document may make them up without end."""
 
+_START_TAG = re.compile(rb"<[A-Za-z][^<>]*>")
+
 TIME, IGNORED, POINT, BREAK, OTHER = -1, -2, -3, -4, -5
 """What an element is, where it is no field, which are numbered from 0."""
 
@@ -57,8 +59,9 @@ class Layout:
 def excerpt(ends: Ends, layout: Layout) -> bytes:
     """A short document of the first and the last points of a long one; its end tags may be those of other elements."""
     tag = re.compile(rb"<(?:[\w.-]+:)?" + layout.point.encode() + rb"[\s>]")
-    first = tag.search(ends.head)
-    start = ends.head[: (first.start() if first else 0) + ends.excerpt_bytes]
+    start, first = ends.start, tag.search(ends.head)
+    if first is not None and first.start() > len(start) and (root := _START_TAG.search(start)):
+        start = start[: root.end()] + ends.head[first.start() :][: ends.excerpt_bytes]
     points = [point.start() for point in tag.finditer(start)]
     again = tag.search(ends.end)
     if not points or again is None:

@@ -93,8 +93,8 @@ class FitFormat(LogFormat):
             return super().glance(ends) if ends.is_short else Glance(self.name, is_unread=True)
         track = records * [1.0, SEMICIRCLE_DEG, SEMICIRCLE_DEG] + [EPOCH_S, 0.0, 0.0]
         first_s, last_s = track[:, 0].min(), track[:, 0].max()
-        if ends.tail:  # as many messages a second in what is not held
-            last_s += (last_s - first_s) * (ends.size / walked - 1.0)
+        # As many messages a second in what was not walked through.
+        last_s += (last_s - first_s) * (ends.size / walked - 1.0)
         return Glance(self.name, float(first_s), float(last_s), track)
 
     def read(self, data: Data, progress: Progress) -> DriveLog:

@@ -15,6 +15,8 @@ import numpy as np
 from fusion.formats.fit.messages import HEAD_BYTES, MAGIC
 from fusion.types import Floats
 
+MOST_MESSAGES = 200_000
+"""Two days of records at one a second; a file of empty messages has as many in a fifth of a megabyte."""
 _RECORD = 20
 _TIMESTAMP, _LAT, _LON = 253, 0, 1
 _COMPRESSED, _DEFINITION, _DEVELOPER = 0x80, 0x40, 0x20
@@ -30,7 +32,7 @@ class _Message(NamedTuple):
 
 def walk(data: bytes) -> tuple[Floats, int]:
     """(n, 3) of the records with a position: seconds of FIT, latitude and longitude in semicircles; and how many bytes
-    were walked through, up to where the file ends, is damaged, or another one follows."""
+    were walked through: all of them where the file ends, is damaged, or another one follows."""
     out = array("d")
     if len(data) < HEAD_BYTES or data[8:12] != MAGIC:
         return np.empty((0, 3)), 0
@@ -38,7 +40,9 @@ def walk(data: bytes) -> tuple[Floats, int]:
     written = struct.unpack_from("<I", data, 4)[0]
     end = min(len(data), at + written) if written else len(data)
     kinds: dict[int, _Message] = {}
-    while at < end:
+    for _ in range(MOST_MESSAGES):
+        if at >= end:
+            break
         head = data[at]
         if head & _DEFINITION and not head & _COMPRESSED:
             size = _define(data, at, kinds)
@@ -55,7 +59,9 @@ def walk(data: bytes) -> tuple[Floats, int]:
             if _UNKNOWN not in place:
                 out.extend((number.unpack_from(data, at + 1 + when)[0], *place))
         at += 1 + kind.size
-    return np.array(out).reshape(-1, 3), at
+    else:
+        return np.array(out).reshape(-1, 3), at
+    return np.array(out).reshape(-1, 3), len(data)
 
 
 def _define(data: bytes, at: int, kinds: dict[int, _Message]) -> int:

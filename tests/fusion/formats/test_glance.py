@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import sys
 from pathlib import Path
@@ -9,11 +10,14 @@ from pathlib import Path
 import hatanaka
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from fusion.errors import EmptyLogError, UnknownFormatError
+from fusion.errors import EmptyLogError, LogError, UnknownFormatError
 from fusion.formats import FORMATS, glance_at, read_log
 from fusion.formats.fit.walk import walk
 from fusion.formats.glance import HEAD_BYTES, Ends, Glance
+from fusion.formats.grouping import grouped
 from fusion.simulate.write import rinex_file
 from garmin_files import drive_fit, gpx, tcx, track
 from gnss_tables import some_navigation, some_signals
@@ -83,6 +87,44 @@ def test_a_walk_through_a_fit_file_goes_on_at_the_same_pace_where_it_is_not_held
     assert glance.last_s == pytest.approx(whole.last_s, abs=20)
     assert len(walk(data)[0]) == 1000
     assert len(walk(data[:40])[0]) == len(walk(b"")[0]) == 0
+
+
+def test_no_file_takes_longer_for_what_is_in_it() -> None:
+    """Empty messages and tags without end are passed over after some."""
+    head = drive_fit(3)[:12]
+    empty = head[:4] + (1 << 22).to_bytes(4, "little") + head[8:]
+    assert walk(empty.ljust(head[0], b"\0") + bytes((0x40, 0, 0, 20, 0, 0)) + bytes(1 << 20))[1] < 300_000
+    points = b"".join(
+        b"<trkpt lat='49.%05d' lon='8'><time>%sZ</time></trkpt>" % (k, _clock(k)) for k in range(2000)
+    )
+    long = b"<gpx>" + b"<wpt/>" * 100_000 + b"<trk><trkseg>" + points + b"</trkseg></trk></gpx>"
+    ends = Ends.of(long)
+    assert len(FORMATS["gpx"].excerpt(ends)) <= 2 * ends.excerpt_bytes + 5
+    assert agree(glance_at(ends), Glance.of(read_log(long)), 1e-3)
+
+
+def _clock(second: int) -> bytes:
+    return b"2026-05-01T10:%02d:%02d" % divmod(second, 60)
+
+
+@pytest.mark.parametrize("name", list(FORMATS))
+@settings(max_examples=30, deadline=None)
+@given(
+    damage=st.lists(
+        st.tuples(st.integers(0, 59_999), st.integers(0, 40), st.binary(max_size=6)), min_size=1, max_size=8
+    ),
+    share=st.sampled_from([0.1, 0.3, 1.0]),
+)
+def test_damaged_a_file_tells_something_or_raises_a_log_error(
+    name: str, damage: list[tuple[int, int, bytes]], share: float
+) -> None:
+    data = bytearray(LONG[name][:60_000])
+    for place, gone, put in damage:
+        at = place % len(data)
+        data[at : at + gone] = put
+    with contextlib.suppress(LogError):
+        glance = glance_at(Ends.of(bytes(data), int(share * len(data))))
+        assert grouped([glance, glance]).drives
 
 
 def test_navigation_and_compact_observations_are_told_by_their_lines() -> None:
