@@ -21,7 +21,7 @@ from app.drives.documents import DRIVE_EXAMPLE, Drive, DriveAccepted, DriveStatu
 from app.drives.receiving.sorting import Doubt, LeftOut, Sorted, Stored
 
 _FILES = ["monday.fit", "tuesday.fit", "readme.txt"]
-_NO_LOG = "The file is in no format that is known here. Upload a recorded drive: ..."
+_NO_LOG = "The file is in no format that is known here."
 _DRIVE = {"id": DRIVE_EXAMPLE["id"], "status": "queued", "files": _FILES[:1], "known": False, "unclear": []}
 _EXAMPLE: dict[str, Any] = {
     "id": DRIVE_EXAMPLE["id"],

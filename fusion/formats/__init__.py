@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
 from fusion.formats.base import LogFormat, Notes, refuse_many
-from fusion.formats.container import Member, is_zip, load, members, refuse, shown_name
+from fusion.formats.container import UPLOAD_INSTEAD, Member, is_zip, load, members, refuse, shown_name
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.glance import HEAD_BYTES, Ends, Glance
 from fusion.formats.gpx import GpxFormat
@@ -140,12 +140,17 @@ def sort_files(
         try:
             glances.append(glance_at(Ends.of(data), file.name, columns))
         except LogError as error:
-            left_out.append((file.name, str(error)))
+            left_out.append((file.name, in_short(error)))
             continue
         files.append(Member(file.name, data))
     grouping = grouped(glances, rule)
     left_out += [(files[k].name, why_left(glances[k])) for k in grouping.left]
     return SortedFiles(tuple(files), grouping, tuple(left_out))
+
+
+def in_short(error: LogError) -> str:
+    """What is said of one file among several: without the list of what is read."""
+    return str(error).partition(UPLOAD_INSTEAD)[0]
 
 
 def _files_of(sources: Sequence[Source], names: Sequence[str], job: _Job) -> list[Member]:

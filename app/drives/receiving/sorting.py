@@ -19,7 +19,7 @@ from app.core.receiving.body import FILENAME_LENGTH, Piece
 from app.drives.receiving.upload_bundle import UploadBundle
 from app.drives.receiving.zips import ZipWriter, files_in
 from fusion.errors import LogError
-from fusion.formats import glance_at
+from fusion.formats import glance_at, in_short
 from fusion.formats.container import CHUNK_BYTES, GZIP_MAGIC, shown_name
 from fusion.formats.glance import EXCERPT_BYTES, HEAD_BYTES, Ends, Glance
 from fusion.formats.grouping import Grouping, Rule, grouped, why_left, why_repeated
@@ -150,7 +150,7 @@ class SortedUpload:
             try:
                 glance = glance_at(ends, name, self._columns)
             except LogError as error:
-                left_out.append(LeftOut(name, error.kind, str(error)))
+                left_out.append(LeftOut(name, error.kind, in_short(error)))
                 continue
             looked.append(_Looked(info, name, glance))
         return looked, tuple(left_out), tuple(names)
