@@ -93,6 +93,15 @@ class RemoteDrive:
         return self.status in FINAL_STATUSES
 
 
+@dataclass(frozen=True)
+class Sent:
+    """What a service made of an upload: drives, what its answer says of each, and of the files that came to nothing."""
+
+    drives: list[RemoteDrive]
+    documents: list[dict[str, Any]]
+    left_out: list[dict[str, Any]]
+
+
 def link_of(document: Mapping[str, Any], rel: str, kind: str | None = None) -> str | None:
     """The address of the document's link of that relation and, if given, media type; None without one."""
     links = (
@@ -147,12 +156,26 @@ class Client:
         gnss: str | None = None,
         sent: BytesSent | None = None,
     ) -> RemoteDrive:
-        """Stream a log, or the files that belong to one drive, to the service; the same again give the same drive.
+        """Stream a log, or the files of one drive, to the service; the first drive of them. Raises as ``send``."""
+        return self.send(*paths, method=method, options=options, gnss=gnss, sent=sent).drives[0]
+
+    def send(
+        self,
+        *paths: Path,
+        method: str | None = None,
+        options: Mapping[str, Any] | None = None,
+        gnss: str | None = None,
+        grouping: str | None = None,
+        sent: BytesSent | None = None,
+    ) -> Sent:
+        """Stream files to the service, which makes as many drives of them as they are (``grouping`` as its API has
+        it); the same again give the same drives.
 
         Raises ``ClientError`` when the service refuses it or is not there, ``OSError`` when a file cannot
         be read.
         """
-        query = {name: value for name, value in (("method", method), ("gnss", gnss)) if value}
+        asked = {"method": method, "gnss": gnss, "grouping": grouping}
+        query = {name: value for name, value in asked.items() if value}
         if options:
             query["options"] = json.dumps(dict(options))
         with ExitStack() as stack:
@@ -162,7 +185,11 @@ class Client:
                 body = _Counted(file, sent) if sent else file
                 parts.append(("file", (path.name, body, "application/octet-stream")))
             answer = self.request("POST", "/v1/drives", params=query, files=parts)
-        return self.drive(str(answer.json()["id"]))
+        document = answer.json()
+        parts_of = document.get("drives") or [{"id": document["id"]}]  # of older services
+        return Sent(
+            [self.drive(str(one["id"])) for one in parts_of], parts_of, document.get("left_out") or []
+        )
 
     def drive(self, drive_id: str) -> RemoteDrive:
         """The drive as it stands now."""

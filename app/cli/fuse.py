@@ -45,6 +45,7 @@ def fuse(
     gnss_option: list[str] | None = cli.GNSS_OPTION,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     together: bool = cli.TOGETHER,
+    apart: bool = cli.APART,
     control: Path | None = cli.CONTROL,
     gaps: bool = cli.GAPS,
     out: Path | None = cli.written_file(
@@ -92,7 +93,7 @@ def fuse(
         terrain = stack.enter_context(Dem.open(dem, trusted=True)) if dem else None
         table = read_roads(roads, bars.work(roads.name))
         fusion = Fusion(method, chosen, table, terrain, points)
-        drives = cli.drives_of(logs, together)
+        drives = cli.sorted_drives(logs, console, together=together, apart=apart, columns=named)
         outcomes = [_one(fusion, source, console, bars) for source in drives]
         combined = fusion.solve(gaps=gaps)
         source = attribution(combined.rasters)
@@ -202,6 +203,6 @@ def _numbered(path: Path, number: int | None, source: cli.LogFiles) -> Path:
     """The file of one log among several: ``profile.png`` becomes ``profile-2-tuesday.png``."""
     if number is None:
         return path
-    log = Path(source.paths[0].name.removesuffix(".gz")).stem
+    log = Path((source.members or source.paths)[0].name.removesuffix(".gz")).stem
     name = re.sub(r"[^\w.-]+", "_", log)[:LONGEST_NAME]
     return path.with_name(f"{path.stem}-{number}-{name}{path.suffix}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -64,7 +63,7 @@ class Fusion:
 
     def earlier_copy(self, source: LogFiles) -> str | None:
         """The earlier log of the same bytes, if there is one: the service counts such a drive once, too."""
-        digests = sorted(_digest(path) for path in source.files())
+        digests = sorted(source.digests)
         earlier = self._seen.setdefault(tuple(digests), source)
         return None if earlier == source else earlier.name
 
@@ -102,11 +101,6 @@ class Fusion:
     def surroundings(self) -> RoadTable:
         """The roads of the file around the logs that were fused (at least one)."""
         return self.roads.subset(surroundings(self.fused))
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def outcome_of(fused: FusedLog) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fusion.errors import BadOptionsError, UnknownNameError
+from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import check_columns
 
 if TYPE_CHECKING:
+    from app.cli.console import Console
     from app.core.db import Bounds
+    from fusion.formats.container import Member
     from fusion.methods.base import Options
     from fusion.types import DriveLog, Progress
 
@@ -79,9 +82,16 @@ CONTROL = opt(
 )
 METHOD_OPTION = opt("Option of the method; may be given several times.", "--option", metavar="NAME=VALUE")
 LOG_NAMES = arg(
-    "Drive logs, gzipped or not; a folder or a zip is one drive of the files in it.", metavar="LOG..."
+    "Drive logs, gzipped or not. Of a folder or a zip those files are one drive that belong together, as observations "
+    "and navigation do; others are drives of their own.",
+    metavar="LOG...",
 )
 TOGETHER = flag("All of them are one drive, such as observations and navigation.", "--together")
+APART = flag(
+    "Of files in a folder or a zip that could be one drive or several, make several: parts that a recorder began one "
+    "after the other, or two devices at once.",
+    "--apart",
+)
 GNSS_OPTION = opt(
     "Option of the positioning; may be given several times.", "--gnss-option", metavar="NAME=VALUE"
 )
@@ -94,19 +104,31 @@ COLUMNS_OPTION = opt(
 
 @dataclass(frozen=True)
 class LogFiles:
-    """The files that belong to one drive, as they were named: files, or folders of files."""
+    """The files that belong to one drive, as they were named: files, or folders of files.
+
+    ``members``: the files in them that this drive is made of, where they hold several drives.
+    """
 
     paths: tuple[Path, ...]
+    members: tuple[Member, ...] = ()
 
     @property
     def name(self) -> str:
         """What it is called: as it was named, several separated by commas."""
-        return ", ".join(map(str, self.paths))
+        named = ", ".join(map(str, self.paths))
+        return f"{named}: {self.short_name}" if self.members else named
 
     @property
     def short_name(self) -> str:
         """The same without folders."""
-        return ", ".join(path.name for path in self.paths)
+        return ", ".join(one.name for one in (self.members or self.paths))
+
+    @property
+    def digests(self) -> list[str]:
+        """SHA-256 of each file."""
+        if self.members:
+            return [hashlib.sha256(one.data).hexdigest() for one in self.members]
+        return [_digest(path) for path in self.files()]
 
     def files(self) -> list[Path]:
         """The files themselves: in a folder those that are not hidden, by name, none of folders in it.
@@ -119,12 +141,69 @@ class LogFiles:
         """The log of the drive; raises ``LogError`` or ``OSError``. ``columns`` as in ``fusion.formats.read_log``."""
         from fusion.formats import read_logs
 
+        if self.members:
+            names = [one.name for one in self.members]
+            data = [one.data for one in self.members]
+            return read_logs(data, names=names, columns=columns, progress=progress)
         return read_logs(self.files(), columns=columns, progress=progress)
 
 
 def drives_of(paths: Sequence[Path], together: bool) -> list[LogFiles]:
     """Each path a drive, or all of them one."""
     return [LogFiles(tuple(paths))] if together else [LogFiles((path,)) for path in paths]
+
+
+def sorted_drives(
+    paths: Sequence[Path],
+    console: Console,
+    *,
+    together: bool,
+    apart: bool,
+    columns: Mapping[str, str] | None = None,
+) -> list[LogFiles]:
+    """Each path a drive, but a folder or a zip as many as are in it, which is said; or all of them one."""
+    if together and apart:
+        raise typer.BadParameter("--together and --apart contradict each other.", param_hint="'--apart'")
+    drives = drives_of(paths, together)
+    return drives if together else [one for named in drives for one in _in_it(named, console, apart, columns)]
+
+
+def _in_it(
+    named: LogFiles, console: Console, apart: bool, columns: Mapping[str, str] | None
+) -> Sequence[LogFiles]:
+    from fusion.formats import sort_files
+    from fusion.formats.container import is_zip
+    from fusion.formats.grouping import Rule
+
+    try:
+        files = named.files()
+        with files[0].open("rb") as first:
+            if len(files) == 1 and not is_zip(first.read(4)):
+                return [named]
+        found = sort_files(files, columns=columns, rule=Rule.APART if apart else Rule.AUTO)
+    except (FusionError, OSError):
+        return [named]  # whoever reads it says what is wrong
+    for doubt in found.grouping.unclear:
+        console.warn(named.name, [unclear_words([found.files[k].name for k in doubt.files], doubt.why)])
+    if len(found.grouping.drives) < 2:
+        return [named]
+    console.note(f"{named.name}: {len(found.grouping.drives)} drives.")
+    console.warn(named.name, (f"{name} was left out. {reason}" for name, reason in found.left_out))
+    return [LogFiles(named.paths, tuple(found.files[k] for k in drive)) for drive in found.grouping.drives]
+
+
+def unclear_words(files: Sequence[str], why: str) -> str:
+    """What is said of files that were taken for one drive and could be several."""
+    reason = "go on where the one before ended" if why == "continues" else "have positions of the same time"
+    return (
+        f"{', '.join(files)} {reason}, and are taken for one drive. If they are several, say --apart; --together ends "
+        "the doubt."
+    )
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _files_in(folder: Path) -> list[Path]:

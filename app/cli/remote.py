@@ -14,13 +14,16 @@ from app.cli.console import Bars, Console, write_json
 from fusion.errors import FusionError
 
 if TYPE_CHECKING:
-    from app.cli.client import Client, RemoteDrive
+    from app.cli.client import Client, RemoteDrive, Sent
     from app.core.settings import Settings
 
 app = typer.Typer(add_completion=False)
 
 SHOWN = ("file", "drive", "status", "segments")
 """What the table shows of each upload; why one failed is said once, on standard error."""
+
+NO_LOGS = frozenset({"unknown-format", "repeated", "no-drive"})
+"""Kinds of files that nobody misses where they are left out."""
 
 SERVER = cli.opt("Address of the service.  [default: VERSANT_SERVER]", metavar="URL")
 KEY = cli.opt(
@@ -47,6 +50,7 @@ def upload(
     ctx: typer.Context,
     files: list[Path] = cli.LOG_NAMES,
     together: bool = cli.TOGETHER,
+    apart: bool = cli.APART,
     server: str | None = SERVER,
     key: str | None = KEY,
     data_dir: Path | None = KEY_DIR,
@@ -60,7 +64,8 @@ def upload(
 ) -> None:
     """Upload drive logs to a service; exit status 1 if any of them failed.
 
-    The same bytes again are the same drive: an upload that broke off may simply be repeated.
+    A zip becomes as many drives as are in it, each with a line of its own. The same bytes again are the same drive: an
+    upload that broke off may simply be repeated.
     """
     console: Console = ctx.obj
     options = cli.parse_assignments(option, "--option")
@@ -68,12 +73,16 @@ def upload(
         options["gnss_options"] = cli.parse_assignments(gnss_option, "--gnss-option")
     if columns:
         options["columns"] = cli.parse_columns(columns)
-    computation = {"method": method, "options": options, "gnss": gnss}
-    uploads = [Upload(source) for source in cli.drives_of(files, together)]
+    if together and apart:
+        raise typer.BadParameter("--together and --apart contradict each other.", param_hint="'--apart'")
+    grouping = "one" if together else "apart" if apart else None
+    computation = {"method": method, "options": options, "gnss": gnss, "grouping": grouping}
+    sources = cli.drives_of(files, together)
     with service_client(server, key, data_dir) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
-        for one in uploads:
-            _send(client, one, computation, bars, console, wait=wait)
+        uploads = [
+            one for source in sources for one in _send(client, source, computation, bars, console, wait=wait)
+        ]
         if wait:
             for one in uploads:
                 _follow(client, one, bars, console)
@@ -118,22 +127,24 @@ def _key_of(settings: Settings, address: str) -> str | None:
 
 @dataclass
 class Upload:
-    """One drive on its way."""
+    """One drive on its way, or a file that is in none."""
 
-    source: cli.LogFiles
+    name: str
     drive: RemoteDrive | None = None
     reason: str | None = None
     segments: int | None = None
+    left_out: str | None = None
+    """Why it is in no drive: a kind of the service's; None: it is, or was to be."""
 
     @property
     def status(self) -> str:
-        """The drive's status, or ``not sent``."""
-        return self.drive.status if self.drive else "not sent"
+        """The drive's status, ``not sent``, or ``left out``."""
+        return self.drive.status if self.drive else "left out" if self.left_out else "not sent"
 
     @property
     def failed(self) -> bool:
-        """Whether nothing came of it."""
-        return self.status in {"not sent", "failed", "cancelled"}
+        """Whether nothing came of it, though it was to."""
+        return self.status in {"not sent", "failed", "cancelled"} or self.left_out not in {None, *NO_LOGS}
 
     @property
     def report(self) -> dict[str, Any]:
@@ -147,12 +158,12 @@ class Upload:
 
         document = self.drive.document if self.drive else {}
         return {
-            "file": self.source.name,
+            "file": self.name,
             "drive": self.drive.id if self.drive else None,
             "status": self.status,
             "segments": self.segments,
             "reason": self.reason,
-            "summary": summary(self.source.name, self.report) if self.report else None,
+            "summary": summary(self.name, self.report) if self.report else None,
             "warnings": list(self.report.get("warnings", ())),
             "address": link_of(document, "self"),
             "profile": link_of(document, "profile", "image/png") if self.report else None,
@@ -160,23 +171,48 @@ class Upload:
 
 
 def _send(
-    client: Client, one: Upload, computation: dict[str, Any], bars: Bars, console: Console, *, wait: bool
-) -> None:
-    """Upload one drive; ``computation`` is what ``Client.upload`` takes beside the files."""
+    client: Client,
+    source: cli.LogFiles,
+    computation: dict[str, Any],
+    bars: Bars,
+    console: Console,
+    *,
+    wait: bool,
+) -> list[Upload]:
+    """Upload files; ``computation`` is what ``Client.send`` takes beside them. What came of them."""
     from app.cli.client import RefusedKeyError
 
     try:
-        files = one.source.files()
-        advance = bars.count(f"sending {one.source.short_name}", sum(path.stat().st_size for path in files))
-        one.drive = client.upload(*files, **computation, sent=advance)
+        files = source.files()
+        advance = bars.count(f"sending {source.short_name}", sum(path.stat().st_size for path in files))
+        sent = client.send(*files, **computation, sent=advance)
     except RefusedKeyError:
         raise  # said once, not per file
     except (FusionError, OSError) as error:
-        one.reason = console.complain_of(one.source.name, error)
-    else:
-        one.reason = one.drive.reason
-        if one.failed and not wait:
-            console.complain(f"{one.source.name}: {one.reason or one.status}")
+        return [Upload(source.name, reason=console.complain_of(source.name, error))]
+    uploads = _drives_of(source, sent)
+    for one in uploads:
+        if one.failed and one.drive and not wait:
+            console.complain(f"{one.name}: {one.reason or one.status}")
+    for document in sent.documents:
+        doubts = document.get("unclear") or []
+        console.warn(source.name, (cli.unclear_words(doubt["files"], doubt["why"]) for doubt in doubts))
+    console.warn(source.name, (f"{one['file']} was left out. {one['reason']}" for one in sent.left_out))
+    return uploads
+
+
+def _drives_of(source: cli.LogFiles, sent: Sent) -> list[Upload]:
+    """A line for each drive; where they are several, also for each file that is in none."""
+    if len(sent.drives) == 1:
+        return [Upload(source.name, sent.drives[0], sent.drives[0].reason)]
+    uploads = [
+        Upload(f"{source.name}: {', '.join(document['files'])}", drive, drive.reason)
+        for drive, document in zip(sent.drives, sent.documents, strict=True)
+    ]
+    return uploads + [
+        Upload(f"{source.name}: {one['file']}", reason=one["reason"], left_out=one["kind"])
+        for one in sent.left_out
+    ]
 
 
 def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
@@ -184,7 +220,7 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
 
     if one.drive is None:
         return
-    show = bars.work(f"fusing {one.source.short_name}")
+    show = bars.work(f"fusing {one.name}")
     one.drive = client.wait(one.drive.id, seen=shown(show))
     one.reason = one.drive.reason
     if one.drive.status == "done":
@@ -192,14 +228,14 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
             one.segments = sum(1 for _ in client.features(f"/v1/drives/{one.drive.id}/segments"))
         _tell(one, console)
     elif one.failed:
-        console.complain(f"{one.source.name}: {one.reason or one.status}")
+        console.complain(f"{one.name}: {one.reason or one.status}")
 
 
 def _tell(one: Upload, console: Console) -> None:
     """Say what came of a drive, what a person should know of it, and where it can be seen."""
     figures = one.figures()
-    console.note(figures["summary"] or f"{one.source.name}: done.")
-    console.warn(one.source.name, figures["warnings"])
+    console.note(figures["summary"] or f"{one.name}: done.")
+    console.warn(one.name, figures["warnings"])
     where = [address for address in (figures["address"], figures["profile"]) if address]
     if where:
-        console.note(f"{one.source.name}: see {' and its profile '.join(where)}")
+        console.note(f"{one.name}: see {' and its profile '.join(where)}")

@@ -33,6 +33,7 @@ def track(
     gnss_option: list[str] | None = cli.GNSS_OPTION,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     together: bool = cli.TOGETHER,
+    apart: bool = cli.APART,
     json_file: Path | None = cli.JSON_FILE,
 ) -> None:
     """Write the positions of logs, with their heights and stated accuracies.
@@ -48,7 +49,7 @@ def track(
     tracks: list[Positions] = []
     outcomes = []
     with console.progress() as bars:
-        drives = cli.drives_of(logs, together)
+        drives = cli.sorted_drives(logs, console, together=together, apart=apart, columns=named)
         for source in drives:
             outcome = {"file": source.name, "positions": 0, "reason": None, "gnss": {}, "warnings": []}
             try:

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Self
 
 from app.core.db import Bounds
-from fusion.formats.base import NO_DATE
+from fusion.formats.glance import NO_DATE
 from fusion.types import DriveLog, Floats
 
 

@@ -5,8 +5,7 @@ Nothing is held on disk but the blob. Knows neither formats of bodies nor SQL.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
@@ -14,13 +13,12 @@ from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from app.access.quotas import Quotas
-from app.core.blobs import BlobStore, StoredBlob
+from app.core.blobs import BlobStore
 from app.core.errors import QuotaError
 from app.core.http import QUOTA_HEADERS, BaseUrl, ServiceDep, problems, quota_used_up
 from app.core.receiving.files import least_bytes, receive_files
 from app.core.settings import Settings
-from app.drives import intake
-from app.drives.documents import DriveAccepted, accepted, drive_address
+from app.drives.documents import drive_address
 from app.drives.method_choice import (
     MethodRequest,
     asked_columns,
@@ -30,16 +28,20 @@ from app.drives.method_choice import (
     with_positioning,
 )
 from app.drives.receiving.first_look import FirstLook
+from app.drives.receiving.sorting import Sorted, SortedUpload
 from app.drives.receiving.upload_bundle import UploadBundle
 from app.drives.receiving.zips import MAX_FILES
+from app.drives.uploaded import UploadAccepted, register_drives
+from fusion.formats.grouping import Rule
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
 _BINARY = {"type": "string", "format": "binary"}
 _BODY: dict[str, Any] = {
     "required": True,
-    "description": "The log, plain or gzipped, as a form field or as the body itself; or files that belong together, "
-    "such as observations and navigation data, as several fields or as one zip.",
+    "description": "The log, plain or gzipped, as a form field or as the body itself; or several files, as several "
+    "fields or as one zip: those that belong together, such as observations and navigation data, become one drive, "
+    "others drives of their own (`grouping`).",
     "content": {
         "multipart/form-data": {
             "schema": {
@@ -51,7 +53,7 @@ _BODY: dict[str, Any] = {
                         "minItems": 1,
                         "maxItems": MAX_FILES,
                         "items": _BINARY,
-                        "description": "The log, or each of the files that belong together.",
+                        "description": "The log, or each of several files.",
                     }
                 },
             },
@@ -72,6 +74,12 @@ class UploadRequest(MethodRequest):
         "repeated. Short for the option `columns` of every method.",
         examples=[["alt_msl_m=Altitude"]],
     )
+    grouping: Rule = Field(
+        Rule.AUTO,
+        description="How several files become drives. `auto`: files whose times overlap, and files in which a recorder "
+        "goes on, are one drive, others are drives of their own; `apart`: what is not sure to be one drive is several; "
+        "`one`: all of them are one drive.",
+    )
     filename: str | None = Field(
         None,
         description="Name of the file where the body is the log itself; also `X-Filename`.",
@@ -83,11 +91,11 @@ class UploadRequest(MethodRequest):
     "",
     status_code=202,
     summary="Upload a log",
-    response_model=DriveAccepted,
+    response_model=UploadAccepted,
     responses={
         200: {
-            "model": DriveAccepted,
-            "description": "Content that the owner has already: its drive.",
+            "model": UploadAccepted,
+            "description": "Content that the owner has already: its drives.",
             "headers": _LOCATION | QUOTA_HEADERS,
         },
         202: {"description": "Stored and queued.", "headers": _LOCATION | QUOTA_HEADERS},
@@ -106,17 +114,18 @@ async def upload_drive(
     service: ServiceDep,
     base: BaseUrl,
     query: Annotated[UploadRequest, Query()],
-) -> DriveAccepted:
+) -> UploadAccepted:
     """Store a log and queue it. The answer comes as soon as it is stored; follow the drive at `Location`.
 
-    Several files are one drive, and are kept as one zip. The drive belongs to the owner of the key. The same content
-    again from the same owner, in whatever gzip, zip or order, answers 200 with the drive that it already is, unchanged,
-    whatever the method: use `reprocess` to compute it anew. A key of scope `upload` follows what it sent last. Where
-    the service had lost that drive's file, this one takes its place. What is no log is refused, as far as its first
-    bytes tell: 415 if they are of no known kind, 422 if a header lacks what a log must have. Where as
-    much was uploaded today as may be in a day, 429 says when to come again, before the body is read where its length is
-    said. A log that is refused, or that is a drive already, counts nothing; a drive that fails or is removed later
-    counts.
+    Several files become as many drives as they are (`grouping`), which `drives` lists; `Location` names the first. A
+    drive of several files is kept as one zip. `left_out` says of each file that came to nothing why. The drives
+    belong to the owner of the key. The same content again from the same owner, in whatever gzip, zip or order,
+    answers 200 with the drive that it already is, unchanged, whatever the method: use `reprocess` to compute it anew.
+    A key of scope `upload` follows what it sent last. Where the service had lost that drive's file, this one takes
+    its place. What is no log is refused, as far as its first bytes tell: 415 if they are of no known kind, 422 if a
+    header lacks what a log must have. Where as much was uploaded today as may be in a day, 429 says when to come
+    again, before the body is read where its length is said. A log that is refused, or that is a drive already, counts
+    nothing; a drive that fails or is removed later counts.
     """
     settings = service.settings
     estimator = query.method or default_method(settings)
@@ -125,51 +134,49 @@ async def upload_drive(
     wanted_options |= asked_columns(query.columns)
     check_options(estimator, wanted_options)
     look = FirstLook(wanted_options.get("columns"))
-    with _counting_refusals(request):
-        quotas = Quotas(settings)
-        await run_in_threadpool(quotas.look, service.sessions, least_bytes(request))
-        blob, name = await receive_upload(request, service.blobs, settings, look)
-        drive, created = await run_in_threadpool(
-            intake.register_upload,
-            service.sessions,
-            service.blobs,
-            blob,
-            filename=name,
-            method=estimator,
-            options=wanted_options,
-            count=quotas.count,
-        )
-    response.status_code = 202 if created else 200
-    response.headers.update({"Location": drive_address(base, drive), **quotas.headers})
-    return accepted(base, drive)
+    quotas = Quotas(settings)
 
-
-@contextmanager
-def _counting_refusals(request: Request) -> Iterator[None]:
-    try:
-        yield
-    except QuotaError as error:
+    def refused(error: QuotaError) -> None:
         request.app.state.metrics.refused(error.quota)
+
+    try:
+        await run_in_threadpool(quotas.look, service.sessions, least_bytes(request))
+    except QuotaError as error:
+        refused(error)
         raise
+    files = await receive_upload(request, service.blobs, settings, look, query.grouping)
+    uploaded = await run_in_threadpool(
+        register_drives,
+        service.sessions,
+        service.blobs,
+        files,
+        method=estimator,
+        options=wanted_options,
+        count=quotas.count,
+        refused=refused,
+    )
+    response.status_code = 202 if uploaded.any_created else 200
+    first = uploaded.drives[0].drive
+    response.headers.update({"Location": drive_address(base, first), **quotas.headers})
+    return uploaded.document(base)
 
 
 async def receive_upload(
-    request: Request, blobs: BlobStore, settings: Settings, look: FirstLook
-) -> tuple[StoredBlob, str]:
-    """Store the files of the request's body as one blob; returns the blob and its name.
+    request: Request, blobs: BlobStore, settings: Settings, look: FirstLook, rule: Rule = Rule.AUTO
+) -> Sorted:
+    """Store the files of the request's body as a blob for each drive that they are.
 
     Raises what ``receive_files`` does, ``StorageFullError`` as soon as there is no room for it, ``BadRequestError`` for
     an empty file, ``LogError`` where no file is a log, and what ``UploadBundle`` raises else. Nothing stays in the
     store then.
     """
 
-    def begin(announced_bytes: int) -> UploadBundle:
-        return UploadBundle(
-            blobs,
-            keep_free_bytes=settings.min_free_bytes,
-            expected_bytes=announced_bytes,
-            max_content_bytes=settings.max_log_bytes,
-            look=look,
+    limits = {"keep_free_bytes": settings.min_free_bytes, "max_content_bytes": settings.max_log_bytes}
+
+    def begin(announced_bytes: int) -> SortedUpload:
+        bundle = UploadBundle(blobs, expected_bytes=announced_bytes, look=look, **limits)
+        return SortedUpload(
+            bundle, partial(blobs.writer, **limits), blobs, settings.max_log_bytes, rule, look.columns
         )
 
     most = settings.max_upload_bytes

@@ -9,9 +9,11 @@ from typing import BinaryIO
 
 from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
 from fusion.formats.base import LogFormat, Notes, refuse_many
-from fusion.formats.container import Member, is_zip, load, members, refuse, shown_name
+from fusion.formats.container import UPLOAD_INSTEAD, Member, is_zip, load, members, refuse, shown_name
 from fusion.formats.fit.log import FitFormat
+from fusion.formats.glance import HEAD_BYTES, Ends, Glance
 from fusion.formats.gpx import GpxFormat
+from fusion.formats.grouping import Grouping, Rule, grouped, why_left, why_repeated
 from fusion.formats.nmea import NmeaFormat
 from fusion.formats.phones.gnsslogger import GnssLoggerFormat
 from fusion.formats.phones.mounting import in_vehicle_axes
@@ -29,12 +31,12 @@ from fusion.registry import Registry, check_columns
 from fusion.signals import Navigation
 from fusion.types import DriveLog, Progress, no_progress
 
-HEAD_BYTES = 4 << 20
-"""How much of a log the formats see to recognise it: text may stand before the first binary message."""
-
 MAX_BYTES = 512 << 20
 """Unpacked size up to which a log is read unless the caller says otherwise: days of driving, and what it takes to
 read it fits the memory of a small server."""
+
+MOST_NAMED = 5
+"""Files that one warning names."""
 
 FORMATS: Registry[LogFormat] = Registry("log format")
 # asked in this order: the loosest, CSV, comes last
@@ -99,16 +101,70 @@ def read_logs(
     if len(sources) == 1:
         return read_log(sources[0], columns=columns, max_bytes=max_bytes, progress=progress)
     check_columns(columns or {})
-    job, bytes_left, files = _Job(max_bytes, progress, columns or {}, Notes()), max_bytes, list[Member]()
+    job = _Job(max_bytes, progress, columns or {}, Notes())
+    return _usable(_read_bundle(_files_of(sources, names, job), job))
+
+
+@dataclass(frozen=True)
+class SortedFiles:
+    """The ``files`` of some sources, those in zips by themselves, unpacked, and by number which are one drive;
+    ``left_out`` says of files that are in none why, by name."""
+
+    files: tuple[Member, ...]
+    grouping: Grouping
+    left_out: tuple[tuple[str, str], ...]
+
+
+def sort_files(
+    sources: Sequence[Source],
+    *,
+    columns: Mapping[str, str] | None = None,
+    rule: Rule = Rule.AUTO,
+    max_bytes: int = MAX_BYTES,
+) -> SortedFiles:
+    """Tell which files are one drive (``fusion.formats.grouping``), by a glance at each. Raises as ``read_logs``, but
+    not for a file that is no log, or a broken one: it is left out."""
+    job = _Job(max_bytes, no_progress, columns or {}, Notes())
+    files, glances, left_out, seen = (
+        list[Member](),
+        list[Glance](),
+        list[tuple[str, str]](),
+        dict[bytes, str](),
+    )
+    for file in _files_of(sources, (), job):
+        data = load(file.data, max_bytes, job.notes, no_progress)
+        if data in seen:
+            left_out.append((file.name, why_repeated(seen[data])))
+            continue
+        seen[data] = file.name
+        try:
+            glances.append(glance_at(Ends.of(data), file.name, columns))
+        except LogError as error:
+            left_out.append((file.name, in_short(error)))
+            continue
+        files.append(Member(file.name, data))
+    grouping = grouped(glances, rule)
+    left_out += [(files[k].name, why_left(glances[k])) for k in grouping.left]
+    return SortedFiles(tuple(files), grouping, tuple(left_out))
+
+
+def in_short(error: LogError) -> str:
+    """What is said of one file among several: without the list of what is read."""
+    return str(error).partition(UPLOAD_INSTEAD)[0]
+
+
+def _files_of(sources: Sequence[Source], names: Sequence[str], job: _Job) -> list[Member]:
+    """The files themselves, those in zips too; all of them have at most the job's ``max_bytes``."""
+    bytes_left, files = job.max_bytes, list[Member]()
     for count, source in enumerate(sources, 1):
-        data = load(source, bytes_left, job.notes, progress)
+        data = load(source, bytes_left, job.notes, job.progress)
         name = source.name if isinstance(source, Path) else f"file {count}"
         name = shown_name(names[count - 1] if count <= len(names) else name)
         inside = members(data, bytes_left, job.notes) if is_zip(data) else []
         inside = inside or [Member(name, data)]
         bytes_left -= sum(len(member.data) for member in inside)
         files += inside
-    return _usable(_read_bundle(files, job))
+    return files
 
 
 @dataclass(frozen=True)
@@ -147,6 +203,21 @@ def refuse_head(head: bytes, *, part: bool = False, columns: Mapping[str, str] |
     the file may be one of several of a drive. Says nothing of a log that is broken or empty farther on.
     """
     _format_of(head, "", columns or {}).refuse_header(head, part=part)
+
+
+def glance_at(ends: Ends, name: str = "", columns: Mapping[str, str] | None = None) -> Glance:
+    """What a file, unpacked, holds and from when to when, in milliseconds however long it is.
+
+    Raises ``UnknownFormatError`` where no format recognises it, and what reading will raise where it is short. Of a
+    long file whose ends tell nothing, nothing is known.
+    """
+    chosen = _format_of(ends.head, name, columns or {})
+    try:
+        return chosen.glance(ends)
+    except LogError:
+        if ends.is_short:
+            raise
+        return Glance(chosen.name, is_unread=True)
 
 
 def _read_as(chosen: LogFormat, data: bytes, progress: Progress, navigation: Navigation | None) -> DriveLog:
@@ -199,11 +270,24 @@ def _read_bundle(members: list[Member], job: _Job) -> DriveLog:
         parts.append(Part(file.name, log))
     if not parts:
         raise errors[-1]
+    _warn_of_several(parts, notes)
     try:
         return join(parts, notes)
     except EmptyLogError as nothing:
         broken = [error for error in errors if not isinstance(error, UnknownFormatError)]
         raise (broken[0] if broken else nothing) from None
+
+
+def _warn_of_several(parts: list[Part], notes: Notes) -> None:
+    """Say where the parts of one drive look like several."""
+    drives = grouped([Glance.of(part.log) for part in parts]).drives
+    if len(drives) > 1:
+        begin = ", ".join(parts[drive[0]].name for drive in drives[:MOST_NAMED])
+        more = f" and {len(drives) - MOST_NAMED} more" if len(drives) > MOST_NAMED else ""
+        notes.warn(
+            f"These files were read as one drive and look like {len(drives)}, which begin with {begin}{more}. Upload "
+            "them again without saying that they are one, and remove this drive."
+        )
 
 
 @dataclass(frozen=True)

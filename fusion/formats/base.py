@@ -13,8 +13,19 @@ from typing import Self
 import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
+from fusion.formats.glance import NO_DATE, Ends, Glance
 from fusion.signals import Navigation, RawGnss
-from fusion.types import Bools, DeviceMotion, DriveLog, Floats, GnssFix, GnssVelocity, Progress, SensorTable
+from fusion.types import (
+    Bools,
+    DeviceMotion,
+    DriveLog,
+    Floats,
+    GnssFix,
+    GnssVelocity,
+    Progress,
+    SensorTable,
+    no_progress,
+)
 
 Data = bytes | memoryview
 Place = Callable[[int], str]
@@ -29,7 +40,6 @@ DAY_S = 86400.0
 MAX_POSITIONS = 500_000
 """Positions of one log: fourteen hours at 10 Hz, six days at 1 Hz. Each costs in all that is done with a log."""
 
-NO_DATE = "no date: placed in January 1980"
 UNDATED = (
     "The log names no date: its times are placed in the first week of January 1980. Order and intervals are "
     "right, the calendar is not."
@@ -53,6 +63,8 @@ class LogFormat:
     """One sentence: what such a person does so that the vertical Doppler velocity is, or what to use instead."""
     has_named_columns = False
     """Whether its columns have names that a person may have to explain."""
+    is_of_several = False
+    """Whether its recorder writes one recording into several files."""
 
     def recognises(self, head: bytes) -> bool:
         """Whether the first bytes (up to ``HEAD_BYTES``, or the whole file) look like this format."""
@@ -72,6 +84,17 @@ class LogFormat:
         Formats whose files may hold a part of a drive only give a log without any position too.
         """
         return self.read(data, progress)
+
+    def glance(self, ends: Ends) -> Glance:
+        """What the ends of a file tell of it, in milliseconds; raises ``LogError`` where they cannot be read."""
+        data = ends.head if ends.is_short else self.excerpt(ends)
+        log = self.read_part(data, no_progress, Navigation())
+        return Glance.of(log, is_of_several=self.is_of_several)
+
+    def excerpt(self, ends: Ends) -> bytes:
+        """A short file of the start and the end of a long one: of text its lines, of messages those that are whole."""
+        start, end = ends.start, ends.end
+        return start[: start.rfind(b"\n") + 1 or None] + end[end.find(b"\n") + 1 :]
 
     def with_columns(self, columns: Mapping[str, str]) -> Self:
         """The same format, knowing which column of ours is which of the header's."""

@@ -24,6 +24,7 @@ BOMB_RATIO = 200
 """Logs compress 3 to 30 times; more than this beyond ``BOMB_FREE_BYTES`` is an attack or an accident."""
 BOMB_FREE_BYTES = 64 << 20
 GZIP_MAGIC = b"\x1f\x8b"
+UPLOAD_INSTEAD = " Upload a recorded drive"
 TRUNCATED = "gzip truncated: read to the end"
 
 _MAGIC: tuple[tuple[int, bytes, str], ...] = (
@@ -181,13 +182,13 @@ def _size(count: int) -> str:
 def refuse(head: bytes, supported: str) -> UnknownFormatError:
     """The error for bytes that no format recognises; ``supported`` lists what is read."""
     if not head:
-        return UnknownFormatError(f"The file is empty. Upload a recorded drive: {supported}.", where="byte 0")
+        return UnknownFormatError(f"The file is empty.{UPLOAD_INSTEAD}: {supported}.", where="byte 0")
     kind = looks_like(head)
     if kind:
         say = f"The file looks like {kind}, not like a drive log."
     else:
         say = "The file is in no format that is known here."
-    return UnknownFormatError(f"{say} Upload a recorded drive: {supported}.", where="byte 0")
+    return UnknownFormatError(f"{say}{UPLOAD_INSTEAD}: {supported}.", where="byte 0")
 
 
 def looks_like(head: bytes) -> str:

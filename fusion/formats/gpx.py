@@ -20,7 +20,8 @@ import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log, fix_and_velocity, usable_positions
-from fusion.formats.xml_points import Layout, Points, read_points
+from fusion.formats.glance import Ends
+from fusion.formats.xml_points import Layout, Points, excerpt, read_points
 from fusion.types import Bools, DriveLog, Floats, Odometry, Progress, SensorTable
 
 HEAD_BYTES = 8192
@@ -58,6 +59,10 @@ class GpxFormat(LogFormat):
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
         return bool(ROOT.search(_beginning(head)))
+
+    def excerpt(self, ends: Ends) -> bytes:
+        """See ``LogFormat``."""
+        return excerpt(ends, LAYOUT)
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""

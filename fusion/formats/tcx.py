@@ -13,7 +13,8 @@ import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log, usable_positions
-from fusion.formats.xml_points import Layout, Points, read_points
+from fusion.formats.glance import Ends
+from fusion.formats.xml_points import Layout, Points, excerpt, read_points
 from fusion.types import Bools, DriveLog, Floats, GnssFix, Odometry, Progress, SensorTable
 
 HEAD_BYTES = 8192
@@ -50,6 +51,10 @@ class TcxFormat(LogFormat):
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
         return bool(ROOT.search(head[:HEAD_BYTES].replace(b"\x00", b"")))
+
+    def excerpt(self, ends: Ends) -> bytes:
+        """See ``LogFormat``."""
+        return excerpt(ends, LAYOUT)
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""

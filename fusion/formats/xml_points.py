@@ -6,6 +6,7 @@ in arrays from the moment that it is read. Prefixes of names are ignored, declar
 
 from __future__ import annotations
 
+import re
 from array import array
 from collections.abc import Mapping, MutableSequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ import numpy as np
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes, number_or_nan, refuse_many
+from fusion.formats.glance import Ends
 from fusion.formats.time_texts import unix_seconds
 from fusion.types import Floats, Ints, Progress
 
@@ -29,6 +31,8 @@ DEEPEST = 100
 
 MOST_NAMES = 1000
 """Names of elements that are remembered: a document may make them up without end."""
+
+_START_TAG = re.compile(rb"<[A-Za-z][^<>]*>")
 
 TIME, IGNORED, POINT, BREAK, OTHER = -1, -2, -3, -4, -5
 """What an element is, where it is no field, which are numbered from 0."""
@@ -50,6 +54,19 @@ class Layout:
     fields: Mapping[str, str]
     breaks: tuple[str, ...]
     others: tuple[str, ...]
+
+
+def excerpt(ends: Ends, layout: Layout) -> bytes:
+    """A short document of the first and the last points of a long one; its end tags may be those of other elements."""
+    tag = re.compile(rb"<(?:[\w.-]+:)?" + layout.point.encode() + rb"[\s>]")
+    start, first = ends.start, tag.search(ends.head)
+    if first is not None and first.start() > len(start) and (root := _START_TAG.search(start)):
+        start = start[: root.end()] + ends.head[first.start() :][: ends.excerpt_bytes]
+    points = [point.start() for point in tag.finditer(start)]
+    again = tag.search(ends.end)
+    if not points or again is None:
+        return start
+    return start[: points[-1]] + ends.end[again.start() :]
 
 
 @dataclass

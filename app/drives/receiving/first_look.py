@@ -32,7 +32,7 @@ class FirstLook:
 
     def __init__(self, columns: Mapping[str, str] | None = None) -> None:
         """``columns``: how the files' headers call ours."""
-        self._columns = columns or {}
+        self.columns = columns or {}
         self._head: bytearray | None = None
         self._files = 0
         self._any_known = False
@@ -80,7 +80,7 @@ class FirstLook:
 
         try:
             # Whether others follow is not known yet, but the first of several may lack what the others have.
-            refuse_head(_unpacked(head), part=self._files > 1, columns=self._columns)
+            refuse_head(_unpacked(head), part=self._files > 1, columns=self.columns)
         except LogError as error:
             return error
         return None

@@ -46,6 +46,11 @@ class UploadBundle:
         self._writer = self._new_writer(expected_bytes)
         self._single = self._writer
 
+    @property
+    def is_zip(self) -> bool:
+        """Whether the blob is one: ours, of several files, or that of whoever sent it."""
+        return self._zip is not None or is_zip(self._head)
+
     def take(self, pieces: Iterable[Piece]) -> None:
         """Write the next pieces; raises what ``BlobWriter`` and ``ZipWriter`` raise."""
         for piece in joined(pieces):

@@ -174,7 +174,7 @@ def content_of_zip(file: BinaryIO, max_bytes: int, look: FirstLook) -> str:
     """
     try:
         with zipfile.ZipFile(_Bounded(file)) as archive:
-            members = [info for info in archive.infolist() if _is_file(info)]
+            members = files_in(archive)
             _check(members, file.seek(0, 2), max_bytes)
             contents = {_content(archive, info, max_bytes, look) for info in members}
     except _BROKEN as error:
@@ -184,6 +184,11 @@ def content_of_zip(file: BinaryIO, max_bytes: int, look: FirstLook) -> str:
             raise
         raise _broken(error) from None
     return content_of_files(contents)
+
+
+def files_in(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    """What is looked at of a zip: neither folders and empty files nor what systems add of their own."""
+    return [info for info in archive.infolist() if _is_file(info)]
 
 
 class _Bounded:
@@ -262,14 +267,14 @@ def _shown(info: zipfile.ZipInfo) -> str:
 
 def _nested(name: str) -> UnsupportedBodyError:
     return UnsupportedBodyError(
-        f"The file {name} is a zip itself. Send the files that belong to one drive as one zip, or without any.",
+        f"The file {name} is a zip itself. Send the files in it, as one zip or without any.",
         field=_FIELD,
     )
 
 
 def _too_many() -> BodyTooLargeError:
     return BodyTooLargeError(
-        f"There are more than {MAX_FILES} files. Send those of one drive; several drives are several uploads.",
+        f"There are more than {MAX_FILES} files. Send fewer at a time, and those that belong together at once.",
         field=_FIELD,
     )
 

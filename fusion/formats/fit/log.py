@@ -25,6 +25,8 @@ import numpy as np
 from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log, ground_velocity, positive, usable_positions
 from fusion.formats.fit.messages import HEAD_BYTES, MAGIC, FitFile, read_files
+from fusion.formats.fit.walk import walk
+from fusion.formats.glance import Ends, Glance
 from fusion.frames import GRAVITY_MPS2
 from fusion.types import (
     DeviceMotion,
@@ -82,6 +84,18 @@ class FitFormat(LogFormat):
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
         return head[8:HEAD_BYTES] == MAGIC and head[0] >= HEAD_BYTES
+
+    def glance(self, ends: Ends) -> Glance:
+        """See ``LogFormat``: of its records, which a long file has all along."""
+        records, walked = walk(ends.head)
+        records = records[records[:, 0] >= SYSTEM_TIME_S]
+        if not len(records):
+            return super().glance(ends) if ends.is_short else Glance(self.name, is_unread=True)
+        track = records * [1.0, SEMICIRCLE_DEG, SEMICIRCLE_DEG] + [EPOCH_S, 0.0, 0.0]
+        first_s, last_s = track[:, 0].min(), track[:, 0].max()
+        # As many messages a second in what was not walked through.
+        last_s += (last_s - first_s) * (ends.size / walked - 1.0)
+        return Glance(self.name, float(first_s), float(last_s), track)
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""

@@ -62,6 +62,7 @@ class SensorLoggerFormat(EitherWay):
     name = "sensor-logger"
     description = "zip or CSV of Sensor Logger"
     suffixes = (".zip", ".csv")
+    is_of_several = True
     altitude_advice = "Switch `Location` and, where the phone has one, `Barometer` on in Sensor Logger."
     doppler_advice = (
         "Phones' positions have no vertical velocity: on Android record with GnssLogger (measurements) instead; on an "

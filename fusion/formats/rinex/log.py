@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat
+from fusion.formats.glance import Ends, Glance
+from fusion.formats.rinex.glance import glance_of
 from fusion.signals import Navigation
 from fusion.types import DriveLog, Progress
 
@@ -31,6 +33,10 @@ class RinexFormat(LogFormat):
         line = _first_line(head).rstrip(b"\r")
         of_text = line.isascii() and line.decode().isprintable()  # a binary log may hold any bytes
         return is_compact(head) or (_LABEL in line and of_text)
+
+    def glance(self, ends: Ends) -> Glance:
+        """See ``LogFormat``."""
+        return glance_of(ends, observations=not self.comes_first(ends.head))
 
     def comes_first(self, head: bytes) -> bool:
         """See ``LogFormat``: navigation data name the channels of GLONASS satellites, without which no Doppler."""

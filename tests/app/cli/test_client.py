@@ -190,7 +190,7 @@ def test_upload_command_makes_one_drive_of_a_folder_and_of_files_together(sent: 
     assert [one["file"] for one in json.loads(figures.read_text())["uploads"]] == [str(folder), str(lone)]
     choice = ["--together", "--gnss", "pf", "--gnss-option", "n=9", "--option", "m=1"]
     assert CliRunner().invoke(app, [*command, *choice]).exit_code == 0
-    query = {"gnss": "pf", "options": json.dumps({"m": 1, "gnss_options": {"n": 9}})}
+    query = {"gnss": "pf", "grouping": "one", "options": json.dumps({"m": 1, "gnss_options": {"n": 9}})}
     assert sent == [
         (["a.obs", "b.nav"], {}),
         (["lone.csv"], {}),

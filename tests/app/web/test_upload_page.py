@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import threading
 import uuid
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -201,6 +203,65 @@ def test_files_of_one_drive_a_method_and_the_keyboard_alone(web: Web, tab: Tab) 
     keys.press("Enter")
     tab.page.get_by_text("Removed from the service").wait_for()
     assert web.client.get(f"/v1/drives/{drive['id']}").status_code == 404
+
+
+def zip_of(**files: bytes) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(f"{name}.csv", content)
+    return out.getvalue()
+
+
+def ride(began_s: int, lat: float = 49.0) -> bytes:
+    rows = (b"%d,%.5f,8.4\n" % (1_600_000_000 + began_s + k, lat + 1e-4 * k) for k in range(40))
+    return HEADER + b"".join(rows)
+
+
+RIDES = {
+    "monday": ride(0),
+    "monday2": ride(41, 49.004),
+    "tuesday": ride(90_000),
+    "friday": ride(400_000),
+    "notes": b"hello there",
+}
+WORDS = {
+    "en": ("Choose files", "Waits to be computed", "Not used", "Is this one drive?", "Make several drives of it",
+           "0 of 3 drives are done.", "0 of 4 drives are done."),
+    "de": ("Dateien auswählen", "Wartet auf die Berechnung", "Nicht verwendet", "Ist das eine Fahrt?",
+           "Mehrere Fahrten daraus machen", "0 von 3 Fahrten sind fertig.", "0 von 4 Fahrten sind fertig."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("language", "width"), [("en", 1280), ("de", 390)])
+def test_a_zip_of_rides_has_a_row_for_each_and_asks_where_it_is_unclear(
+    web: Web, tab_maker: Callable[..., Tab], language: str, width: int
+) -> None:
+    size = {"width": width, "height": 844}
+    tab = tab_maker(locale=language, viewport=size, color_scheme="dark" if width < 500 else "light")
+    opened(tab, web)
+    button, waits, not_used, question, several, three, four = WORDS[language]
+    choose(tab, named("rides.zip", zip_of(**RIDES)), button=button)
+    for name in ("monday.csv, monday2.csv", "tuesday.csv", "friday.csv"):
+        row(tab, name).get_by_text(waits).wait_for()
+    notes = row(tab, "notes.csv")
+    notes.get_by_text(not_used).wait_for()
+    assert notes.get_by_text("in no format that is known").is_visible()
+    tab.page.get_by_text(three).first.wait_for()
+    joined = row(tab, "monday.csv, monday2.csv")
+    joined.get_by_text(question).wait_for()
+    assert tab.faults() == []
+    assert len(web.client.get("/v1/drives").json()["drives"]) == 3
+    joined.get_by_role("button", name=several).click()
+    for name in ("monday.csv", "monday2.csv"):
+        row(tab, name).get_by_text(waits).wait_for()
+    joined.wait_for(state="detached")
+    tab.page.get_by_text(four).first.wait_for()
+    drives = web.client.get("/v1/drives").json()["drives"]
+    assert sorted(drive["filename"] for drive in drives) == [
+        "friday.csv", "monday.csv", "monday2.csv", "tuesday.csv",
+    ]  # fmt: skip
+    assert tab.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
 def test_many_files(web: Web, tab: Tab) -> None:

@@ -17,8 +17,11 @@ const together = signal(false);
 /** Files of which nobody has said yet whether they are one drive. */
 const asked = signal<File[] | null>(null);
 
-function begin(drives: File[][]): void {
-  const count = add(drives, chosenQuery(chosen.value, known.value));
+/** `one`: somebody said that the files of each are one drive; else the service looks. */
+function begin(drives: File[][], one = false): void {
+  const query = chosenQuery(chosen.value, known.value);
+  if (one) query.set("grouping", "one");
+  const count = add(drives, query);
   if (count === 0) tellDone(t("upload.there_already"));
 }
 
@@ -32,7 +35,7 @@ function take({ files, hidden }: Gathered): void {
     tellError(new Error(t("upload.too_many", { n: files.length, most: MOST_OF_A_DRIVE })));
     return;
   }
-  if (together.value) begin([files]);
+  if (together.value) begin([files], true);
   else if (
     belongTogether(
       files.map((file) => file.name),
@@ -48,7 +51,7 @@ function Question({ files }: { files: File[] }) {
   useEffect(() => first.current?.focus(), []);
   const answer = (drives: File[][]) => {
     asked.value = null;
-    if (drives.length > 0) begin(drives);
+    if (drives.length > 0) begin(drives, drives.length === 1);
   };
   return (
     <section class="card question" aria-labelledby="one-drive">

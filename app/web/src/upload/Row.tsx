@@ -4,7 +4,7 @@ import { mapOf, stageText, warningsOf } from "../shared/drives";
 import { distance, duration, size } from "../shared/format";
 import { t } from "../shared/texts";
 import { Columns, mayLackColumns } from "./Columns";
-import { type Item, type Phase, remove, removeDrive, retry } from "./queue";
+import { type Item, type Phase, remove, removeDrive, retry, takeApart } from "./queue";
 
 function words(item: Item): string {
   const phase: Phase = item.phase.value;
@@ -14,7 +14,7 @@ function words(item: Item): string {
     return item.sent.value < item.size
       ? t("upload.sending", { sent: size(item.sent.value), all: size(item.size) })
       : t("upload.storing");
-  if (phase === "refused") return t("upload.refused");
+  if (phase === "refused") return t(item.part ? "upload.not_used" : "upload.refused");
   if (phase === "running") return stageText(drive?.stage);
   if (phase === "done") {
     const took = (Date.parse(drive?.finished_at ?? "") - Date.parse(drive?.started_at ?? "")) / 1000;
@@ -71,7 +71,7 @@ function Actions({ item }: { item: Item }) {
           {t("upload.map")}
         </a>
       )}
-      {(phase === "refused" || phase === "failed") && (
+      {((phase === "refused" && !item.part) || phase === "failed") && (
         <button type="button" aria-label={t("upload.again_named", { name })} onClick={() => void retry(item)}>
           {t(phase === "failed" ? "upload.process_again" : "upload.again")}
         </button>
@@ -105,6 +105,36 @@ function Actions({ item }: { item: Item }) {
   );
 }
 
+/** Files that were taken for one drive, and whether they are. */
+function Doubts({ item }: { item: Item }) {
+  const phase = item.phase.value;
+  if (item.unclear.value.length === 0 || phase === "cancelled") return null;
+  return (
+    <section class="doubt" aria-label={t("upload.unclear_label", { name: item.name })}>
+      {item.unclear.value.map(({ files, why }) => (
+        <p key={why}>
+          {t(why === "continues" ? "upload.unclear_continues" : "upload.unclear_overlaps", {
+            files: files.join(", "),
+          })}
+        </p>
+      ))}
+      <div class="buttons">
+        <button
+          type="button"
+          onClick={() => {
+            item.unclear.value = [];
+          }}
+        >
+          {t("upload.stays_one")}
+        </button>
+        <button type="button" onClick={() => takeApart(item)}>
+          {t("upload.make_several")}
+        </button>
+      </div>
+    </section>
+  );
+}
+
 /** The row. */
 export function Row({ item }: { item: Item }) {
   const phase = item.phase.value;
@@ -115,7 +145,10 @@ export function Row({ item }: { item: Item }) {
     <li class={`upload-row ${phase}`}>
       <div class="what">
         <p class="name">
-          <strong>{item.name}</strong> <span class="quiet-text">{size(item.size)}</span>
+          <strong>{item.name}</strong>{" "}
+          <span class="quiet-text">
+            {item.part ? t("upload.in", { name: item.origin }) : size(item.size)}
+          </span>
         </p>
         <p class="state">
           <span class="mark" aria-hidden="true" /> {words(item)}
@@ -133,6 +166,19 @@ export function Row({ item }: { item: Item }) {
             </ul>
           </details>
         )}
+        {phase !== "refused" && item.leftOut.value.length > 0 && (
+          <details>
+            <summary class="quiet-text">{t("upload.unused", { n: item.leftOut.value.length })}</summary>
+            <ul>
+              {item.leftOut.value.map(({ file, reason: why }) => (
+                <li key={file}>
+                  {file}: {why}
+                </li>
+              ))}
+            </ul>
+          </details>
+        )}
+        <Doubts item={item} />
         {phase === "refused" && mayLackColumns(item) && <Columns item={item} />}
       </div>
       <Actions item={item} />

@@ -1,10 +1,18 @@
 /** What is uploaded from this page: each item with what became of it, so many transfers at once. */
 import { computed, type Signal, signal } from "@preact/signals";
-import { type ApiProblem, api, got } from "../shared/api";
+import { ApiProblem, api, got } from "../shared/api";
 import { type Drive, getDrive } from "../shared/drives";
 import { Follower } from "../shared/following";
 import { tellError } from "../shared/Messages";
-import { Refusal, send, type Transfer } from "./transfers";
+import {
+  type Accepted,
+  type LeftOut,
+  Refusal,
+  send,
+  type Transfer,
+  type Unclear,
+  type Uploaded,
+} from "./transfers";
 
 export type Phase =
   | "waiting"
@@ -20,7 +28,7 @@ const AT_ONCE = 2;
 const TRIES = 4;
 let last = 0;
 
-/** One drive to be, of one file or of several. */
+/** One drive to be, of one file or of several; or a zip, of which nobody knows yet how many drives it holds. */
 export class Item {
   readonly id: number;
   readonly name: string;
@@ -37,15 +45,28 @@ export class Item {
   tries = 0;
   notBefore = 0;
   transfer: Transfer | null = null;
+  /** Files of it that were not used. */
+  readonly leftOut: Signal<LeftOut[]> = signal([]);
+  /** Files of it that could be several drives. */
+  readonly unclear: Signal<Unclear[]> = signal([]);
+  /** The drive that this upload is to make several of. */
+  instead: Item | null = null;
 
+  /** `part`: what is called by that name among the files, which are sent no more. */
   constructor(
     readonly files: File[],
     readonly query: URLSearchParams,
+    readonly part = "",
   ) {
     last += 1;
     this.id = last;
-    this.name = files.map((file) => file.name).join(", ");
-    this.size = files.reduce((sum, file) => sum + file.size, 0);
+    this.name = part || this.origin;
+    this.size = part ? 0 : files.reduce((sum, file) => sum + file.size, 0);
+  }
+
+  /** What was sent. */
+  get origin(): string {
+    return this.files.map((file) => file.name).join(", ");
   }
 
   /** Tells the same files from others. */
@@ -56,6 +77,8 @@ export class Item {
 
 export const items = signal<Item[]>([]);
 const OVER: Phase[] = ["refused", "done", "failed", "cancelled"];
+/** A file in a zip that came to nothing: no drive to be. */
+const isLeftOut = (item: Item) => item.part !== "" && item.phase.value === "refused";
 const isOver = (item: Item) => OVER.includes(item.phase.value);
 
 export interface Overall {
@@ -70,7 +93,7 @@ export interface Overall {
 
 /** How far all of it is. */
 export const overall = computed<Overall>(() => {
-  const all = items.value;
+  const all = items.value.filter((item) => !isLeftOut(item));
   const of = (...phases: Phase[]) => all.filter((item) => phases.includes(item.phase.value)).length;
   return {
     count: all.length,
@@ -131,13 +154,7 @@ async function transfer(item: Item): Promise<void> {
     item.sent.value = bytes;
   });
   try {
-    const { accepted, known } = await item.transfer.done;
-    item.sent.value = item.size;
-    item.known.value = known;
-    item.driveId = accepted.id;
-    // Of a drive that waits there is no more to be known; those that follow it tell the rest.
-    if (accepted.status === "queued") item.phase.value = "queued";
-    else tell(item, await getDrive(accepted.id));
+    await settle(item, await item.transfer.done);
     follower.arrange();
   } catch (error) {
     if (items.value.includes(item)) fail(item, error);
@@ -145,6 +162,56 @@ async function transfer(item: Item): Promise<void> {
     item.transfer = null;
     pump();
   }
+}
+
+/** What the service made of an upload: this item's drive, or items for each of its drives and files. */
+async function settle(item: Item, { drives, left_out }: Accepted): Promise<void> {
+  item.sent.value = item.size;
+  const [only] = drives;
+  if (drives.length === 1 && only && item.instead === null) {
+    item.leftOut.value = left_out;
+    await become(item, only);
+    return;
+  }
+  const shown = new Set(items.value.map((one) => one.driveId));
+  const fresh = drives.filter((drive) => item.instead === null || !shown.has(drive.id));
+  const parts = fresh.map((drive) => new Item(item.files, item.query, drive.files.join(", ")));
+  const none = (item.instead === null ? left_out : []).map((file) => {
+    const one = new Item(item.files, item.query, file.file);
+    one.leftOut.value = [file];
+    one.problem.value = new ApiProblem(0, "", file.reason);
+    one.phase.value = "refused";
+    return one;
+  });
+  await Promise.all(parts.map((part, k) => become(part, fresh[k] as Uploaded)));
+  items.value = items.value.flatMap((one) => (one === item ? [...parts, ...none] : [one]));
+  if (item.instead !== null) await removeAfter(item.instead);
+}
+
+async function become(item: Item, drive: Uploaded): Promise<void> {
+  item.known.value = drive.known;
+  item.unclear.value = drive.unclear;
+  item.driveId = drive.id;
+  // Of a drive that waits there is no more to be known; those that follow it tell the rest.
+  if (drive.status === "queued") item.phase.value = "queued";
+  else tell(item, await getDrive(drive.id));
+}
+
+/** Send the files again, for several drives in the place of the one that they were taken for. */
+export function takeApart(item: Item): void {
+  const query = new URLSearchParams(item.query);
+  query.set("grouping", "apart");
+  const again = new Item(item.files, query);
+  again.columns = item.columns;
+  again.instead = item;
+  item.unclear.value = [];
+  items.value = items.value.flatMap((one) => (one === item ? [one, again] : [one]));
+  pump();
+}
+
+async function removeAfter(item: Item): Promise<void> {
+  if (!item.known.value) await removeDrive(item);
+  if (item.known.value || item.phase.value === "cancelled") remove(item);
 }
 
 function fail(item: Item, error: unknown): void {
@@ -196,7 +263,8 @@ export async function retry(item: Item): Promise<void> {
 /** The same for all of them, one after the other. */
 export async function retryAll(): Promise<void> {
   for (const item of items.value)
-    if (item.phase.value === "refused" || item.phase.value === "failed") await retry(item);
+    if ((item.phase.value === "refused" && !isLeftOut(item)) || item.phase.value === "failed")
+      await retry(item);
 }
 
 /** Remove the drive from the service. */

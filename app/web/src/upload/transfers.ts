@@ -3,12 +3,10 @@ import type { components } from "../api/schema";
 import { ApiProblem, problemOf } from "../shared/api";
 import { t } from "../shared/texts";
 
-export type Accepted = components["schemas"]["DriveAccepted"];
-export interface Taken {
-  accepted: Accepted;
-  /** Whether the same content was there already. */
-  known: boolean;
-}
+export type Accepted = components["schemas"]["UploadAccepted"];
+export type Uploaded = components["schemas"]["UploadedDrive"];
+export type LeftOut = components["schemas"]["LeftOutFile"];
+export type Unclear = components["schemas"]["UnclearFiles"];
 
 /** A refusal, and after how many seconds it is worth another try; null: not by itself. */
 export class Refusal extends Error {
@@ -21,14 +19,14 @@ export class Refusal extends Error {
 }
 
 export interface Transfer {
-  done: Promise<Taken>;
+  done: Promise<Accepted>;
   cancel: () => void;
 }
 
 const BUSY = 503;
 const AGAIN_S = 5;
 
-/** Send the files as one drive. The promise fails with a `Refusal`. */
+/** Send the files at once, as one drive or as many as the service finds. The promise fails with a `Refusal`. */
 export function send(files: File[], query: URLSearchParams, sent: (bytes: number) => void): Transfer {
   const request = new XMLHttpRequest();
   const [only] = files;
@@ -47,7 +45,7 @@ export function send(files: File[], query: URLSearchParams, sent: (bytes: number
   request.setRequestHeader("Accept", "application/json");
   if (!(body instanceof FormData)) request.setRequestHeader("Content-Type", "application/octet-stream");
   request.upload.addEventListener("progress", (event) => sent(event.loaded));
-  const done = new Promise<Taken>((resolve, reject) => {
+  const done = new Promise<Accepted>((resolve, reject) => {
     request.addEventListener("load", () => {
       answer(request).then(resolve, reject);
     });
@@ -59,9 +57,8 @@ export function send(files: File[], query: URLSearchParams, sent: (bytes: number
   return { done, cancel: () => request.abort() };
 }
 
-async function answer(request: XMLHttpRequest): Promise<Taken> {
-  if (request.status === 200 || request.status === 202)
-    return { accepted: JSON.parse(request.responseText) as Accepted, known: request.status === 200 };
+async function answer(request: XMLHttpRequest): Promise<Accepted> {
+  if (request.status === 200 || request.status === 202) return JSON.parse(request.responseText) as Accepted;
   const response = new Response(request.responseText, {
     status: request.status,
     statusText: request.statusText,
