@@ -250,8 +250,7 @@ def _joined(pieces: Sequence[str]) -> list[str]:
 
 def _value(one: Property, without: str | None) -> list[str]:
     default = _WITH_DEFAULT.fullmatch(one.sql)
-    table = default[1] if default else one.sql.partition(".")[0]
-    if table == without:
+    if one.table == without:
         return [default[2] if default else "null"]
     pieces = [f"\0{_SQL[one.kind](one)}"]
     if one.nullable:
