@@ -249,4 +249,5 @@ def attribution_html(dem_names: Iterable[str] = ()) -> str:
 def _shortened(dem_names: Iterable[str]) -> str:
     names = sorted(set(dem_names))
     rest = len(names) - MOST_RASTERS
-    return ", ".join(names[:MOST_RASTERS]) + (f" and {rest} more rasters" if rest > 0 else "")
+    others = f" and {rest} more raster{'s' * (rest > 1)}" if rest > 0 else ""
+    return ", ".join(names[:MOST_RASTERS]) + others
