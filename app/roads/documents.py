@@ -88,8 +88,7 @@ def refuse(losses: Sequence[Loss], region: str, *, removal: bool = False) -> Non
     """``RoadsError`` where any region loses too much, by the removal of ``region`` or as a file takes its place."""
     if large := [one for one in losses if one.lost > MOST_LOST * one.measured]:
         regions = "; ".join(
-            f"{one.lost} of the {one.measured} measured segments of {one.region}{_ways(one.ways)}"
-            for one in large
+            f"{one.lost} of the {one.measured} measured segments of {one.region}" for one in large
         )
         elsewhere = (
             "" if removal else "If the file is of another area, name a region of its own by --region. "
@@ -98,19 +97,20 @@ def refuse(losses: Sequence[Loss], region: str, *, removal: bool = False) -> Non
             elsewhere = "Maps that mean different roads by one number cannot be in one service: renumber one of them. "
         raise RoadsError(
             f"This would take away what was measured on more than a tenth: {regions}. Nothing was changed. "
-            f"{elsewhere}See with --dry-run what it would do; if that is meant, give --yes."
+            f"{''.join(_collisions(one) for one in large)}{elsewhere}"
+            "See with --dry-run what it would do; if that is meant, give --yes."
         )
 
 
-def _ways(numbers: Sequence[int]) -> str:
-    """Which numbers collide: two files may mean different roads by one number."""
-    if not numbers:
+def _collisions(one: Loss) -> str:
+    """Which numbers of ways are taken: two files may mean different roads by one."""
+    if not one.ways:
         return ""
-    rest = len(numbers) - MOST_NAMED
-    shown = ", ".join(str(number) for number in numbers[:MOST_NAMED]) + (
+    rest = len(one.ways) - MOST_NAMED
+    shown = ", ".join(str(number) for number in one.ways[:MOST_NAMED]) + (
         f" and {rest} more" if rest > 0 else ""
     )
-    return f" (the file has other roads by the numbers of its ways {shown})"
+    return f"By numbers of ways of {one.region} the file has other roads: {shown}. "
 
 
 _CALLED = {

@@ -154,9 +154,11 @@ def test_a_refusal_names_the_ways_that_collide(
     lon = 9.5 + 0.001 * np.arange(11)
     other = chain(lon0_deg=lon[:-1], lon1_deg=lon[1:])
     ways = sorted({int(way) for way in other.osm_way_id})
-    with pytest.raises(RoadsError, match=f"of roads .*numbers of its ways {ways[0]}.*renumber one of them"):
+    with pytest.raises(
+        RoadsError, match=f"numbers of ways of roads the file has other roads: {ways[0]}\\. .*renumber one"
+    ):
         roads.bring_in(sessions, other, Source("other.osm", "0" * 64, "other"), tmp_path, Wishes())
-    with pytest.raises(RoadsError, match=f"of its ways {ways[0]}.*--region") as same:
+    with pytest.raises(RoadsError, match=f"has other roads: {ways[0]}\\. .*--region") as same:
         roads.bring_in(sessions, other, Source("other.osm", "0" * 64, "roads"), tmp_path, Wishes())
     assert "renumber" not in str(same.value)
     assert imported(sessions, chain()) == ImportCounts("roads", kept=10)
