@@ -151,6 +151,7 @@ def segments_frame(solution: Solution) -> GeoDataFrame:
     columns |= {name: np.array(own[name], np.int64) for name in ("drives", "observations")}
     columns["dem_slope_percent"] = solution.dem_slope_percent
     columns |= {name: _floats(own[name]) for name in (*HEIGHTS, *STEEPEST, "driven_share")}
+    columns["steepness_percent"] = np.abs(columns["slope_percent"])
     starts = np.column_stack([roads.lon0_deg, roads.lat0_deg])
     ends = np.column_stack([roads.lon1_deg, roads.lat1_deg])
     lines = shapely.linestrings(np.stack([starts, ends], axis=1))

@@ -169,8 +169,9 @@ def import_dem(
     seconds = time.perf_counter() - started
     lonely = sorted({source.name for source in stored} - set(covering))
     with_quality = [path.name for path, quality in pair(active.paths) if quality is not None]
+    plural = "s" * (len(active.names) != 1)
     typer.echo(
-        f"The terrain consists of {len(active.names)} raster(s), heights above {active.datum}: "
+        f"The terrain consists of {len(active.names)} raster{plural}, heights above {active.datum}: "
         f"{', '.join(active.names)} ({seconds:.1f} s)."
     )
     if with_quality:

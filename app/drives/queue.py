@@ -8,6 +8,8 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.claims import taken
+from app.core.settings import Settings
+from app.jobs.signs import SIGNS, Signs
 from app.jobs.task import QUEUE, Kind, add_job
 
 AHEAD = 10
@@ -79,3 +81,8 @@ def drives_wait(session: Session, *, behind: bool) -> bool:
         return True
     least = 2 * BEHIND if behind else BEHIND // 2
     return bool(session.execute(_WAIT, {"task": TASK, "least": least}).scalar_one())
+
+
+def lanes_here(settings: Settings) -> int:
+    """How many lanes of workers live on this machine, by signs that the kernel takes away with their processes."""
+    return Signs(settings.data_dir / SIGNS).living()

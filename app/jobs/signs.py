@@ -20,6 +20,8 @@ from app.core.claims import process_name
 
 logger = logging.getLogger(__name__)
 
+SIGNS = "processes"
+"""Folder in the data folder for signs of life."""
 FORGOTTEN_AFTER_S = 86_400.0
 """Files of former starts of the machine, or of another machine that uses the folder too, go then."""
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
@@ -81,6 +83,16 @@ class Signs:
         finally:
             for handle in found.values():
                 os.close(handle)
+
+    def living(self) -> int:
+        """How many processes of this machine live and share the folder."""
+        count = 0
+        for path in self._folder.glob(f"[!.]*.{_boot()}"):
+            if (handle := _locked(path)) is None:
+                count += 1
+            else:
+                os.close(handle)
+        return count
 
     def _others(self) -> list[Path]:
         """Files of this start of the machine."""

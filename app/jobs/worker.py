@@ -26,7 +26,7 @@ from app.jobs import memory
 from app.jobs.computations import Liveness, charge_dead, forget_gone
 from app.jobs.connector import EngineConnector
 from app.jobs.runs import Runs, make_queue
-from app.jobs.signs import Signs
+from app.jobs.signs import SIGNS, Signs
 from app.jobs.stopping import RUN_ON_SHARE, BusyConnections, Stopping
 from app.jobs.task import QUEUE, Task
 
@@ -41,9 +41,6 @@ SILENT_S = 90.0
 """A loop that asks for no work for so long begins anew (upstream's faults: ``app.jobs``). It asks every second, unless
 a job runs; while the database is away its questions take half a minute each."""
 
-
-SIGNS = "processes"
-"""Folder in the data folder for signs of life."""
 
 Chore = Callable[[], Awaitable[bool | None]]
 """What is done beside the jobs, in pieces of at most a second or so; true: there is more to do."""

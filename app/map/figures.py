@@ -55,6 +55,9 @@ KEPT_S = 600.0
 MOST_ROWS = 500
 """Of a list of the worst; the rest is for nobody's eyes."""
 
+LEAST_SIGMAS = 1.0
+"""Of its own, by which a drive is off that disagrees."""
+
 # A segment of two regions counts in both. Nobody's roads stand under no region.
 COVERAGE = text("""
     SELECT coalesce(r.name, '') AS region, c.highway, c.segments, c.network_km, c.driven_segments, c.driven_km
@@ -81,7 +84,8 @@ SIGMAS = text("""
     GROUP BY drives_from, sigma_from_percent ORDER BY drives_from, sigma_from_percent
 """)
 
-# Drives disagree where passes are rejected; by how many, and how far apart they are.
+# Drives disagree where passes are rejected; by how many, and how far apart they are. One that is rejected for what it
+# says beside the segment, and agrees on it, is none of these.
 # ``drives_unheard`` is the old name of ``drives_rejected``, for one version.
 DISAGREEMENTS = text("""
     WITH worst AS (
@@ -97,6 +101,7 @@ DISAGREEMENTS = text("""
         SELECT min(d.slope_percent) AS lowest_percent, max(d.slope_percent) AS highest_percent,
                max(abs(d.slope_percent - a.slope_percent) / d.slope_sigma_percent) AS farthest_sigmas
         FROM drive_segments AS d WHERE d.segment_id = w.segment_id) AS e
+    WHERE coalesce(e.farthest_sigmas, :least_sigmas) >= :least_sigmas
     ORDER BY w.rejected * least(coalesce(e.farthest_sigmas, 0), 100) DESC, w.segment_id LIMIT :most
 """)
 
@@ -118,7 +123,8 @@ Rows = list[dict[str, Any]]
 
 
 def _rows(statement: TextClause, session: Session) -> Rows:
-    return [dict(row._mapping) for row in session.execute(statement, {"most": MOST_ROWS})]
+    values = {"most": MOST_ROWS, "least_sigmas": LEAST_SIGMAS}
+    return [dict(row._mapping) for row in session.execute(statement, values)]
 
 
 KEPT: Mapping[str, Callable[[Session], Rows]] = {

@@ -60,6 +60,11 @@ class Column:
     """Decimal places in every output, for fractions."""
 
     @property
+    def table(self) -> str:
+        """The alias of the table that it is read from."""
+        return self.sql.partition(".")[0].rpartition("(")[2]
+
+    @property
     def type(self) -> str:
         """In JSON Schema: integer, number, string, boolean."""
         return JSON_TYPES[self.arrow][0]
@@ -84,9 +89,16 @@ class Record:
     """Those that may be None."""
     _digits: ClassVar[Mapping[str, int]]
     id: int | None
+    slope_percent: float | None
+    steepness_percent: float | None
+    """The slope without its sign: however a record is made, the two agree."""
     updated_at: datetime | None
     """When what is published of it last changed; aware."""
     coordinates: tuple[Position, ...]
+
+    def __post_init__(self) -> None:
+        slope = self.slope_percent
+        object.__setattr__(self, "steepness_percent", None if slope is None else abs(slope))
 
     def __init_subclass__(cls) -> None:
         hints = get_type_hints(cls, include_extras=True)
@@ -165,6 +177,7 @@ class Segment(Record):
     steepest_to_m: Annotated[float | None, Column("a.steepest_to_m", "double", LENGTH_DIGITS)] = None
     driven_share: Annotated[float | None, Column("a.driven_share", "double", SHARE_DIGITS)] = None
     """Of the length, 0 to 1, over which drives of the network are accepted; unknown with slope-only drives alone."""
+    steepness_percent: Annotated[float | None, Column("abs(a.slope_percent)", "double", SLOPE_DIGITS)] = None
 
     @property
     def stored_id(self) -> int:
@@ -203,6 +216,7 @@ class Way(Record):
     steepest_from_m: Annotated[float | None, Column("w.steepest_from_m", "double", LENGTH_DIGITS)]
     steepest_to_m: Annotated[float | None, Column("w.steepest_to_m", "double", LENGTH_DIGITS)]
     coordinates: tuple[Position, ...]
+    steepness_percent: Annotated[float | None, Column("abs(w.slope_percent)", "double", SLOPE_DIGITS)] = None
 
 
 COLUMNS = Segment.columns
@@ -235,4 +249,5 @@ def attribution_html(dem_names: Iterable[str] = ()) -> str:
 def _shortened(dem_names: Iterable[str]) -> str:
     names = sorted(set(dem_names))
     rest = len(names) - MOST_RASTERS
-    return ", ".join(names[:MOST_RASTERS]) + (f" and {rest} more rasters" if rest > 0 else "")
+    others = f" and {rest} more raster{'s' * (rest > 1)}" if rest > 0 else ""
+    return ", ".join(names[:MOST_RASTERS]) + others

@@ -161,7 +161,8 @@ def _dem(run: Run) -> Outcome:
         active = add_dem(run.sessions, stored, place, progress, priority=priority)
         with run.sessions() as session:
             lonely = sorted({source.name for source in stored} - set(rasters_over(session, active)))
-    sentence = f"The terrain consists of {len(active.names)} raster(s), heights above {active.datum}."
+    count = "1 raster" if len(active.names) == 1 else f"{len(active.names)} rasters"
+    sentence = f"The terrain consists of {count}, heights above {active.datum}."
     if lonely:
         sentence += (
             f" No road that is imported lies under {', '.join(lonely)}. Check the place, or import the roads there; "

@@ -69,7 +69,8 @@ _RENAMED = text(f"""
 """)  # noqa: S608 - constants
 
 _LOST_BY_REGION = text(f"""
-    SELECT r.name, r.id, count(s.id) AS lost, count(DISTINCT s.id)
+    SELECT r.name, r.id, count(s.id) AS lost,
+           array_agg(DISTINCT s.osm_way_id) FILTER (WHERE s.osm_way_id IN (SELECT osm_way_id FROM road_import)) AS ways
     FROM segments AS s LEFT JOIN LATERAL unnest(s.regions) AS one (id) ON true LEFT JOIN regions AS r ON r.id = one.id
     WHERE s.id = ANY(CAST(:ids AS bigint[])) AND {MEASURED} GROUP BY r.name, r.id ORDER BY r.name
 """)  # noqa: S608 - constants
@@ -117,6 +118,8 @@ class Loss:
     region: str
     lost: int
     measured: int
+    ways: Sequence[int] = ()
+    """Numbers of ways among what is lost that the file has too, with other nodes or elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +203,12 @@ def losses(session: Session, plan: Plan) -> list[Loss]:
     """How many measured segments each region would lose, and of how many; regions that lose none are left out."""
     rows = session.execute(_LOST_BY_REGION, {"ids": plan.lost.tolist()}).all()
     return [
-        Loss(row.name, row.lost, int(session.execute(_MEASURED_OF, {"region": row.id}).scalar_one()))
+        Loss(
+            row.name,
+            row.lost,
+            int(session.execute(_MEASURED_OF, {"region": row.id}).scalar_one()),
+            row.ways or (),
+        )
         for row in rows
         if row.name is not None
     ]

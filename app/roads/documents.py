@@ -13,6 +13,8 @@ TOLERANCE_M = 2.0
 MOST_LOST = 0.1
 """An import that would take away what was measured on a larger share of a region's measured segments has to be
 confirmed."""
+MOST_NAMED = 5
+"""Numbers of ways in a sentence."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +84,8 @@ class Wishes:
 USUAL = Wishes()
 
 
-def refuse(losses: Sequence[Loss], *, removal: bool = False) -> None:
-    """``RoadsError`` where any region loses too much, by a ``removal`` or because another file takes its place."""
+def refuse(losses: Sequence[Loss], region: str, *, removal: bool = False) -> None:
+    """``RoadsError`` where any region loses too much, by the removal of ``region`` or as a file takes its place."""
     if large := [one for one in losses if one.lost > MOST_LOST * one.measured]:
         regions = "; ".join(
             f"{one.lost} of the {one.measured} measured segments of {one.region}" for one in large
@@ -91,10 +93,24 @@ def refuse(losses: Sequence[Loss], *, removal: bool = False) -> None:
         elsewhere = (
             "" if removal else "If the file is of another area, name a region of its own by --region. "
         )
+        if any(one.ways and one.region != region for one in large):
+            elsewhere = "Maps that mean different roads by one number cannot be in one service: renumber one of them. "
         raise RoadsError(
             f"This would take away what was measured on more than a tenth: {regions}. Nothing was changed. "
-            f"{elsewhere}See with --dry-run what it would do; if that is meant, give --yes."
+            f"{''.join(_collisions(one) for one in large)}{elsewhere}"
+            "See with --dry-run what it would do; if that is meant, give --yes."
         )
+
+
+def _collisions(one: Loss) -> str:
+    """Which numbers of ways are taken: two files may mean different roads by one."""
+    if not one.ways:
+        return ""
+    rest = len(one.ways) - MOST_NAMED
+    shown = ", ".join(str(number) for number in one.ways[:MOST_NAMED]) + (
+        f" and {rest} more" if rest > 0 else ""
+    )
+    return f"By numbers of ways of {one.region} the file has other roads: {shown}. "
 
 
 _CALLED = {

@@ -231,7 +231,7 @@ class Import:
         """``RoadsError`` for losses that nobody has accepted."""
         if not self.wishes.accept_losses:
             with self.transaction() as session:
-                refuse(losses(session, self._plan), removal=not len(self.table))
+                refuse(losses(session, self._plan), self.source.region, removal=not len(self.table))
 
     def carry_out(self, counts: ImportCounts) -> ImportCounts:
         """Do what was planned last; ``counts`` are those of the first plan."""

@@ -22,6 +22,7 @@ from app.core.settings import Settings
 from app.core.standby import store as standby
 from app.core.standby.use import standby_url
 from app.core.version import code_version
+from app.drives.queue import lanes_here
 from app.drives.store import unreferenced_blobs
 from app.ops import store as figures
 from app.terrain.store import current_dem, pending_heights
@@ -212,11 +213,19 @@ def _clock(settings: Settings, session: Session) -> Iterator[Finding]:
 
 def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
     waiting, workers = figures.queue(session), store.workers(session, settings.stalled_after_s)
+    here = lanes_here(settings)
+    # A lane that was killed stands in the table until others take it off: of this machine the kernel knows better, and
+    # a lane here that has given no sign there for long (the machine slept) lives all the same.
+    lanes = max(workers.alive, here)
     finding = f"{waiting.depth} drives wait"
     if waiting.oldest_wait_s is not None:
         finding += f", the first for {waiting.oldest_wait_s:.0f} s"
-    finding += f"; {workers.alive} workers are alive."
-    if waiting.depth and not workers.alive:
+    finding += (
+        f"; {lanes} {'lane' if lanes == 1 else 'lanes'} of workers alive, {here} of them on this machine."
+    )
+    if lanes > here:
+        finding += f" The others gave a sign of life in the last {settings.stalled_after_s:.0f} s."
+    if waiting.depth and not lanes:
         yield Finding("queue", "warn", finding, "Start `versant worker` or `versant up`.")
     elif (waiting.oldest_wait_s or 0.0) > LONG_WAIT_S:
         advice = "Start more workers, or wait: uploads go before what is processed again."
@@ -294,7 +303,9 @@ def _elevation(settings: Settings, session: Session) -> Iterator[Finding]:
         finding = f"Of {len(active.sources)} rasters some are not sound: {some(bad)}."
         yield Finding("elevation", "fail", finding, advice)
     else:
-        yield Finding("elevation", "ok", f"{len(active.sources)} rasters are there as they were imported.")
+        count = len(active.sources)
+        there = "1 raster is there as it was" if count == 1 else f"{count} rasters are there as they were"
+        yield Finding("elevation", "ok", f"{there} imported.")
     if pending_heights(session) is not None:
         advice = "A worker goes on with it; start one."
         yield Finding("heights", "warn", "Heights of segments are still of the rasters before.", advice)

@@ -46,7 +46,7 @@ class Asked:
         """What is read, by the name of the figure: each call returns the median of some reads, ms."""
         boxes = {
             "items in a box, ms": {"bbox": ",".join(map(str, self._middle()))},
-            "items, steepest, ms": {"sortby": "-slope_percent"},
+            "items, steepest, ms": {"sortby": "-steepness_percent"},
         }
         return {
             **{f"tile {zoom}, ms": partial(self._tiles, zoom) for zoom in ZOOMS},

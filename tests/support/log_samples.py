@@ -300,18 +300,31 @@ def torque(rows: int = 20) -> bytes:
     return ("\n".join(out) + "\n").encode()
 
 
-SAMPLES = {
-    "sensor-logger": sensor_logger(),
-    "rtklib-pos": rtklib_pos(),
-    "torque": torque(),
-    "rinex": rinex_file.observations(some_signals(1, 6)).encode(),
-    "fit": drive_fit(),
-    "gnsslogger": drive_gnsslogger(),
-    "pseudoranges-csv": pseudoranges_csv(some_signals(1, 4)),
-    "ubx": drive_ubx(),
-    "u-center": THESIS_DUMP.encode(),
-    "nmea": drive_nmea(),
-    "gpx": gpx(),
-    "tcx": tcx([[track(0, 10), track(100, 10)]]),
-    "csv": csv(),
-}
+class Samples(dict[str, bytes]):
+    """By the name of the format; of one that is missing it is said what to add."""
+
+    def __missing__(self, name: str) -> bytes:
+        raise AssertionError(
+            f"There is no sample of the format {name!r}. Add a line to SAMPLES in tests/support/log_samples.py: a few "
+            "epochs of such a file as bytes, made by a function beside the others there, at places of 1.8 to 1.9 E and "
+            "50.9 to 51 N."
+        )
+
+
+SAMPLES = Samples(
+    {
+        "sensor-logger": sensor_logger(),
+        "rtklib-pos": rtklib_pos(),
+        "torque": torque(),
+        "rinex": rinex_file.observations(some_signals(1, 6)).encode(),
+        "fit": drive_fit(),
+        "gnsslogger": drive_gnsslogger(),
+        "pseudoranges-csv": pseudoranges_csv(some_signals(1, 4)),
+        "ubx": drive_ubx(),
+        "u-center": THESIS_DUMP.encode(),
+        "nmea": drive_nmea(),
+        "gpx": gpx(),
+        "tcx": tcx([[track(0, 10), track(100, 10)]]),
+        "csv": csv(),
+    }
+)

@@ -343,8 +343,7 @@ class SegmentSlope(_Slope, Base):
 
     updated_at: Mapped[datetime] = mapped_column(server_default=sa.func.now(), index=True)
 
-    # What items are asked for and sorted by.
-    __table_args__ = (
-        sa.Index(None, "slope_percent"),
-        sa.Index(None, "steepest_percent"),
+    __table_args__ = (  # what items are asked for and sorted by
+        *(sa.Index(None, one) for one in ("slope_percent", "steepest_percent")),
+        sa.Index("ix_segment_slopes_steepness_percent", sa.text("abs(slope_percent)")),
     )

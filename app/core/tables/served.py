@@ -64,6 +64,12 @@ class Way(Road, Base):
         sa.Index(None, "osm_way_id"),
         sa.Index(None, "geom", postgresql_using="gist"),
         sa.Index(None, "geom_3857", postgresql_using="gist"),
+        # As items ask for it; most ways of a country have no slope.
+        sa.Index(
+            "ix_ways_steepness_percent",
+            sa.text("abs(slope_percent)"),
+            **where("abs(slope_percent) IS NOT NULL"),
+        ),
     )
 
 

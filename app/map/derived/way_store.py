@@ -182,7 +182,11 @@ def _first_steepest(
     return out[0], out[1], out[2]
 
 
-_OF_SEGMENTS = {name: column for name, column in Segment.columns.items() if name != "driven_share"}
+_DERIVED = "steepness_percent"
+"""Stored nowhere."""
+_OF_SEGMENTS = {
+    name: column for name, column in Segment.columns.items() if name not in {"driven_share", _DERIVED}
+}
 _NUMPY_TYPES: dict[str, type] = {"integer": np.int64, "number": float}
 
 # A gap's slope is measured by nobody. What is not followed yet is not derived from yet, or nobody would know of it when
@@ -201,7 +205,7 @@ _SEGMENTS = f"""
 _DELETE = """
     DELETE FROM ways WHERE osm_way_id = ANY(%(ways)s::bigint[]) OR id = ANY(%(ids)s::bigint[])
 """
-_COLUMNS = {name: SQL_TYPES[column.kind] for name, column in Way.columns.items()}
+_COLUMNS = {name: SQL_TYPES[column.kind] for name, column in Way.columns.items() if name != _DERIVED}
 _COLUMNS |= {"geom": "bytea", "geom_3857": "bytea"}
 _READ = {name: f"ST_GeomFromEWKB({name})" for name in ("geom", "geom_3857")}
 _INSERT = f"""

@@ -102,6 +102,11 @@ _TEXTS: Mapping[str, tuple[str, str, str | None]] = {
     "steepest_from_m": ("Where the steepest begins", "Metres from from_node.", "m"),
     "steepest_to_m": ("Where the steepest ends", "Metres from from_node.", "m"),
     "driven_share": ("Share that was driven", "Of the length, 0 to 1.", "1"),
+    "steepness_percent": (
+        "Steepness",
+        "The slope without its sign: what roads are sorted by, where the way up and the way down are alike.",
+        "%",
+    ),
     "measured_share": ("Share that was measured", "Of the length, 0 to 1, in segments with a slope.", "1"),
 }
 
@@ -143,7 +148,10 @@ SEGMENTS = Collection(
     line="s.geom",
     line_3857="s.geom_3857",
     driven={True: "a.drives > 0", False: "coalesce(a.drives, 0) = 0"},
-    quick=("id", "osm_way_id", "highway", "name", "slope_percent", "steepest_percent", "updated_at"),
+    quick=(
+        *("id", "osm_way_id", "highway", "name"),
+        *("slope_percent", "steepness_percent", "steepest_percent", "updated_at"),
+    ),
     follows_changes=True,
 )
 WAYS = Collection(
@@ -162,6 +170,6 @@ WAYS = Collection(
     line="w.geom",
     line_3857="w.geom_3857",
     driven={True: "w.drives > 0", False: "w.drives = 0"},
-    quick=("id", "osm_way_id"),
+    quick=("id", "osm_way_id", "steepness_percent"),
 )
 COLLECTIONS: Mapping[str, Collection] = {one.id: one for one in (SEGMENTS, WAYS)}

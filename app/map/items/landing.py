@@ -16,6 +16,7 @@ from app.core.http import JSON, BaseUrl, link, link_documents
 from app.core.query import refuse_unknown
 from app.core.text import dumps
 from app.map.items import pages
+from app.map.items.home import LANGUAGES, PAGES, SeenDep
 from app.map.items.openapi30 import openapi_30
 from app.map.segment import attribution
 from app.map.tiles.documents import SCHEMES_REL, tilesets_link
@@ -65,8 +66,9 @@ router = APIRouter(tags=["map"])
     response_class=Response,
     responses=pages.described("Links to all there is.", {JSON: {"links": []}}, 400, 406),
 )
-def landing(request: Request, base: BaseUrl, form: pages.FormDep) -> Response:
+def landing(request: Request, base: BaseUrl, seen: SeenDep) -> Response:
     """Where everything is."""
+    form = seen.form
     api, older = f"{base}/openapi.json", OPENAPI_30
     links = [
         *form.links(f"{base}/"),
@@ -91,7 +93,12 @@ def landing(request: Request, base: BaseUrl, form: pages.FormDep) -> Response:
         "attribution": attribution(),
         "links": link_documents(links),
     }
-    return pages.document_answer(request, form, document, links, "landing.html", "Versant", ())
+    if not form.html:
+        return pages.answered(request, dumps(document), form.media_type, links=links)
+    values = {"seen": seen, "texts": seen.texts, "languages": LANGUAGES, "shown_pages": PAGES}
+    text = pages.page("landing.html", title="Versant", crumbs=(), links=links, document=document, **values)
+    headers = {**pages.page_headers(), "Vary": "Accept, Accept-Language", "Content-Language": seen.language}
+    return pages.answered(request, text, pages.HTML, links=links, headers=headers)
 
 
 @router.get(

@@ -29,6 +29,7 @@ from app.core.text import GEO_JSON, dumps
 HTML = "text/html"
 SCHEMA_JSON = "application/schema+json"
 XML = "application/xml"
+CSV = "text/csv"
 
 MOST_IN_HEADER = 2000
 """Characters of links in a header. Proxies take headers of 4 kB; the document has all links."""
@@ -49,6 +50,7 @@ AS_JSON = Form(("json",), (JSON,), "JSON")
 AS_GEOJSON = Form(("geojson", "json"), (GEO_JSON, JSON), "GeoJSON")
 AS_SCHEMA = Form(("json",), (SCHEMA_JSON, JSON), "JSON Schema")
 AS_XSD = Form(("xsd",), (XML, "text/xml"), "XML Schema")
+AS_CSV = Form(("csv",), (CSV,), "CSV")
 AS_HTML = Form(("html",), (HTML,), "HTML")
 
 FormatQuery = Annotated[
@@ -129,25 +131,31 @@ def answered(
     links: Iterable[Link] = (),
     headers: Mapping[str, str] | None = None,
     etag: str | None = None,
+    longest_links: int = MOST_IN_HEADER,
 ) -> Response:
     """The answer, or 304 where the client has it; ``etag`` where what it says does not tell, such as with a clock."""
     content = body.encode() if isinstance(body, str) else body
     tag = etag or f'W/"{hashlib.blake2b(content, digest_size=12).hexdigest()}"'
     own = {"ETag": tag, "Cache-Control": REVALIDATE, "Vary": "Accept", **(headers or {})}
-    in_header = link_header(list(links))
+    in_header = link_header(list(links), longest_links)
     return unless_known(request, content, media_type, own, more={"Link": in_header} if in_header else {})
 
 
-def link_header(links: Sequence[Link]) -> str:
+def link_header(links: Sequence[Link], most: int = MOST_IN_HEADER) -> str:
     """As many of the links as fit (RFC 8288); titles, which may be in any script, are left to the document."""
     parts: list[str] = []
     length = 0
     for one in links:
         part = f'<{one.href}>; rel="{one.rel}"' + (f'; type="{one.type}"' if one.type else "")
-        if length + len(part) + 2 <= MOST_IN_HEADER and part.isascii():
+        if length + len(part) + 2 <= most and part.isascii():
             length += len(part) + 2
             parts.append(part)
     return ", ".join(parts)
+
+
+def content_crs(uri: str) -> dict[str, str]:
+    """Which reference system the answer has."""
+    return {"Content-Crs": f"<{uri}>"}
 
 
 Crumbs = Sequence[tuple[str, str]]

@@ -114,7 +114,7 @@ class Order:
 
     def _terms(self, known: bool | None) -> list[SortKey]:
         # The id out of the same table as the key lets one index give the order, where the table has a row at all.
-        table = self.keys[0].property.sql.partition(".")[0] if len(self.keys) == 1 and known else ""
+        table = self.keys[0].property.table if len(self.keys) == 1 and known else ""
         id_sql = self._collection.keys.get(table, self._collection.key)
         id_property = replace(self._collection.properties["id"], sql=id_sql)
         return [*self.keys, SortKey(id_property, self._id_descending)]

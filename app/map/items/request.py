@@ -58,6 +58,8 @@ class Shape:
     """Names, in the collection's order."""
     with_line: bool = True
     gaps: bool = False
+    table: bool = False
+    """Each a row of a table, in place of GeoJSON."""
 
 
 @dataclass(frozen=True)

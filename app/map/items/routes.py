@@ -9,6 +9,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
@@ -26,6 +27,7 @@ from app.map.items.collections import COLLECTIONS, Collection, Property
 from app.map.items.cql import LANGUAGES, TEXT
 from app.map.items.places import CRS84, CRSS, Crs
 from app.map.items.request import ItemRequest, item_parameters, parse_item, parse_items
+from app.map.items.table import TABLE_EXAMPLE, table_answer
 from app.map.segment import HEIGHT_DATUM, attribution
 from app.map.segments import EXAMPLE_ADDRESS, FEATURE_EXAMPLE, MAX_ID
 
@@ -73,8 +75,8 @@ _DESCRIBED: Mapping[str, tuple[Json, str]] = {
     ),
     "skipGeometry": (_TRUTH, "With true, items come without their line."),
     "f": (
-        {"type": "string", "enum": ["geojson", "json", "html"]},
-        "The form of the answer, where the Accept header cannot say it.",
+        {"type": "string", "enum": ["geojson", "json", "html", "csv"]},
+        "The form of the answer, where the Accept header cannot say it; `csv` of many items only.",
     ),
 }
 _LISTS = {"style": "form", "explode": False}
@@ -140,12 +142,15 @@ router = APIRouter(tags=["map"], route_class=MapRoute)
 
 def items_answer(request: Request, service: Service, base: str, collection: Collection) -> Response:
     """One page of a collection's items."""
-    form = pages.wanted(request, request.query_params.get("f"), pages.AS_GEOJSON, pages.AS_HTML)
+    form = pages.wanted(request, request.query_params.get("f"), pages.AS_GEOJSON, pages.AS_HTML, pages.AS_CSV)
     item_request = parse_items(collection, request.query_params.multi_items(), service.settings)
+    if is_table := form.form is pages.AS_CSV:
+        item_request = replace(item_request, shape=replace(item_request.shape, table=True))
     with service.reading() as session:
         shown = store.page(session, item_request)
-        source = attribution(_rasters(service, session, shown.features, item_request))
+        rasters = () if is_table else _rasters(service, session, shown.features, item_request)
         note = service.edition_note(session)
+    source = attribution(rasters)
     here = f"{base}/collections/{collection.id}/items"
     links = [
         *form.links(here, item_request.pairs),
@@ -154,6 +159,8 @@ def items_answer(request: Request, service: Service, base: str, collection: Coll
     if shown.next_cursor is not None:
         following = pages.with_pairs(here, item_request.query(after=shown.next_cursor))
         links.insert(0, link(following, "next", form.media_type, "The next page"))
+    if is_table:
+        return table_answer(request, item_request.shape, shown, links)
     document = {
         "type": "FeatureCollection",
         "attribution": source,
@@ -197,7 +204,9 @@ def item_answer(
         links.append(link(behind, "observations", title="The drives behind it"))
     if not form.html:
         body = f"{text[:-1]},{dumps({**note, 'links': link_documents(links)})[1:]}"
-        return pages.answered(request, body, form.media_type, links=links, headers=_content_crs(shape.crs))
+        return pages.answered(
+            request, body, form.media_type, links=links, headers=pages.content_crs(shape.crs.uri)
+        )
     return pages.page_answer(
         request,
         "item.html",
@@ -228,13 +237,9 @@ def _items_text(
         b"".join((head.encode(), f',"timeStamp":"{now}","features":['.encode(), body, b"]}")),
         form.media_type,
         links=links,
-        headers=_content_crs(crs),
+        headers=pages.content_crs(crs.uri),
         etag=f'W/"{tag.hexdigest()}"',
     )
-
-
-def _content_crs(crs: Crs) -> dict[str, str]:
-    return {"Content-Crs": f"<{crs.uri}>"}
 
 
 def _rasters(
@@ -263,11 +268,12 @@ def _routes(collection: Collection) -> None:
         f"/collections/{collection.id}/items",
         name=f"items_of_{collection.id}",
         summary=collection.title,
-        description="Follow the `next` link until there is none: every matching item comes exactly once.\n\n"
+        description="Follow the `next` link until there is none: every matching item comes exactly once. As CSV it "
+        "stands in the header `Link`, beside `OGC-NumberReturned` and `OGC-NumberMatched`.\n\n"
         "`numberMatched` is given where it costs little. A segment with a slope and 0 drives is a gap (see `gaps`): "
         "its slope comes from the roads on both its sides.",
         response_class=Response,
-        responses=pages.described(page_of, {GEO_JSON: ITEMS_EXAMPLE}, *statuses),
+        responses=pages.described(page_of, {GEO_JSON: ITEMS_EXAMPLE, pages.CSV: TABLE_EXAMPLE}, *statuses),
         openapi_extra={"parameters": items_parameters(collection)},
     )
     def items(request: Request, service: ServiceDep, base: BaseUrl) -> Response:

@@ -192,7 +192,7 @@ def versions(session: Session, _parameters: Parameters) -> Rows:
         else (
             "elevation",
             str(elevation.id),
-            f"{elevation.rasters} raster(s), heights above {elevation.datum}, "
+            f"{elevation.rasters} raster{'s' * (elevation.rasters != 1)}, heights above {elevation.datum}, "
             f"{elevation.imported_at:%Y-%m-%d %H:%M} UTC",
         ),
     )

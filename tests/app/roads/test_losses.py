@@ -18,6 +18,7 @@ from app.network.settle import settle_network
 from app.network.swap import solve_all_marked
 from app.roads import imports as roads
 from app.roads.documents import ImportCounts, Source, Wishes
+from fusion.errors import RoadsError
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from network_support import assert_same, drive_over, new_drive, passes_of, publish, rows_of
@@ -143,6 +144,24 @@ def test_the_passes_before_and_after_a_lost_one_stay(
     found = rows_of(sessions)
     settle_network(sessions)
     assert_same(found, rows_of(sessions))
+
+
+def test_a_refusal_names_the_ways_that_collide(
+    sessions: Sessions, chain: Chain, segment_ids: Ints, tmp_path: Path
+) -> None:
+    """A second map, drawn by hand, that counts its ways from the same number on."""
+    drive_over(sessions, chain(), segment_ids, {k: (1.0 + k, 0.5) for k in range(4)})
+    lon = 9.5 + 0.001 * np.arange(11)
+    other = chain(lon0_deg=lon[:-1], lon1_deg=lon[1:])
+    ways = sorted({int(way) for way in other.osm_way_id})
+    with pytest.raises(
+        RoadsError, match=f"numbers of ways of roads the file has other roads: {ways[0]}\\. .*renumber one"
+    ):
+        roads.bring_in(sessions, other, Source("other.osm", "0" * 64, "other"), tmp_path, Wishes())
+    with pytest.raises(RoadsError, match=f"has other roads: {ways[0]}\\. .*--region") as same:
+        roads.bring_in(sessions, other, Source("other.osm", "0" * 64, "roads"), tmp_path, Wishes())
+    assert "renumber" not in str(same.value)
+    assert imported(sessions, chain()) == ImportCounts("roads", kept=10)
 
 
 def test_roads_stay_though_what_they_change_cannot_be_solved(

@@ -20,6 +20,7 @@ from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.drives.documents import Drive
+from app.jobs.signs import SIGNS, Signs
 from app.terrain.imports import import_dem
 from app.upkeep import doctor, store
 from app.upkeep.doctor import Finding, Patient, examine
@@ -86,7 +87,7 @@ def test_a_database_that_is_away_ends_no_other_look(settings: Settings) -> None:
 
 def test_a_queue_in_trouble(settings: Settings, sessions: Sessions, upload: Callable[[bytes], Drive]) -> None:
     drives = [upload(content) for content in (b"a", b"b", b"c")]
-    assert found(settings, sessions)["queue"].found.startswith("3 drives wait, the first for 0 s; 0 workers")
+    assert found(settings, sessions)["queue"].found.startswith("3 drives wait, the first for 0 s; 0 lanes")
     assert found(settings, sessions)["queue"].state == "warn"
     execute(sessions, "INSERT INTO procrastinate_workers DEFAULT VALUES")
     assert found(settings, sessions)["queue"].state == "ok"
@@ -113,6 +114,25 @@ def test_a_queue_in_trouble(settings: Settings, sessions: Sessions, upload: Call
     )
     execute(sessions, "UPDATE drives SET stage = 'publishing' WHERE status = 'running'")
     assert "drives nobody computes" not in found(settings, sessions)
+
+
+def test_lanes_of_this_machine_and_of_others(settings: Settings, sessions: Sessions) -> None:
+    """Two rows of the queue's table: one lane here, and one of another machine, or one that was just killed."""
+    signs = Signs(settings.data_dir / SIGNS)
+    signs.begin()
+    (own,) = (settings.data_dir / SIGNS).iterdir()
+    own.with_name(f"other-{own.name}").touch()  # of a process that died
+    try:
+        for _ in range(2):
+            execute(sessions, "INSERT INTO procrastinate_workers DEFAULT VALUES")
+        told = found(settings, sessions)["queue"].found
+        assert "2 lanes of workers alive, 1 of them on this machine. The others gave a sign" in told
+        execute(sessions, "UPDATE procrastinate_workers SET last_heartbeat = now() - interval '1 hour'")
+        told = found(settings, sessions)["queue"].found
+        assert told.endswith("1 lane of workers alive, 1 of them on this machine."), "this machine slept"
+    finally:
+        signs.end()
+    assert "0 lanes of workers alive" in found(settings, sessions)["queue"].found
 
 
 def test_logs_and_rasters_that_are_lost(

@@ -206,6 +206,24 @@ def test_names_are_text_and_all_may_have_failed(web: Web, tab: Tab) -> None:
     page.get_by_role("heading", name="Failed drives").wait_for()
 
 
+def test_what_fails_for_want_of_roads_leads_to_their_import(worked_on: Web, tab: Tab) -> None:
+    page = opened(tab, worked_on)
+    row = page.locator(".attention li", has_text="no-match")
+    row.get_by_role("link", name="Import roads").click()
+    assert page.url.endswith("#import")
+    assert page.locator("form", has=page.get_by_role("heading", name="Import roads")).is_visible()
+
+
+def test_figures_by_day_have_days_and_begin_at_0(looked_at: Web, tab: Tab) -> None:
+    page = opened(tab, looked_at)
+    chart = page.get_by_role("figure", name="Drives that ended")
+    slider = chart.get_by_role("slider")
+    slider.focus()
+    page.keyboard.press("Home")
+    told = slider.get_attribute("aria-valuetext") or ""
+    assert re.match(r"[A-Z][a-z]{2} \d{1,2}, \d{4};", told), told
+
+
 def test_nothing_needs_anybody(web: Web, tab: Tab) -> None:
     execute(web.sessions, "INSERT INTO procrastinate_workers DEFAULT VALUES")
     tab.page.goto(f"{web.base}/admin")
@@ -255,10 +273,10 @@ def test_a_region_is_imported_once_its_plan_is_approved_and_removed_again(
     card.get_by_role("heading", name="Planned").wait_for()
     assert "Region here would have" in card.inner_text()
     assert web.client.get("/v1/regions").json()["regions"] == []
-    card.get_by_role("button", name="Carry it out").click()
-    question = page.get_by_role("dialog", name="Carry it out: town.osm?")
-    assert "Added" in question.inner_text()
-    question.get_by_role("button", name="Carry it out").click()
+    assert "Added" in card.inner_text()
+    page.get_by_role("link", name="Read and decide").click()  # the way from the problem to its action
+    assert page.url.endswith("#operations")
+    card.get_by_role("button", name="Carry it out").click()  # the plan was the question
     card.get_by_role("heading", name="Waiting").wait_for()
     work()
     regions = page.get_by_role("table", name="Regions of the road network")
@@ -267,6 +285,11 @@ def test_a_region_is_imported_once_its_plan_is_approved_and_removed_again(
     card = page.get_by_role("region", name="Removal of a region: here")
     card.get_by_role("heading", name="Waiting").wait_for()
     work()
+    figures = card.locator(".figures").inner_text()
+    card.get_by_role("button", name="Carry it out").click()
+    question = page.get_by_role("dialog", name="Carry it out: here?")
+    assert figures not in question.inner_text(), "they were read already"
+    question.get_by_role("button", name="Cancel").click()
     card.get_by_role("button", name="Drop the plan").click()
     card.wait_for(state="detached")
     assert [one["name"] for one in web.client.get("/v1/regions").json()["regions"]] == ["here"]

@@ -106,7 +106,7 @@ def test_a_log_from_the_drop_to_the_map_and_again(
     done = row(tab, "0.csv")
     done.get_by_text("Done:").wait_for()
     tab.page.get_by_text("2 hidden files or folders were left out.").wait_for()
-    tab.page.get_by_text("1 of one drive is done.").first.wait_for()
+    tab.page.get_by_text("1 of 1 drive is done.").first.wait_for()
     [drive] = web.client.get("/v1/drives").json()["drives"]
     assert (
         done.get_by_role("link", name="Open the drive 0.csv").get_attribute("href")

@@ -19,8 +19,14 @@ FUZZ = settings(max_examples=60, deadline=None, suppress_health_check=[HealthChe
 
 
 def test_every_format_has_a_sample_and_a_matching_name(samples: dict[str, bytes]) -> None:
-    assert set(samples) == set(FORMATS)
+    assert all(samples[name] for name in FORMATS)  # says what to add where there is none
+    assert set(samples) == set(FORMATS), "a sample of no format of fusion/formats/__init__.py"
     assert all(name == f.name and f.description and f.suffixes for name, f in FORMATS.items())
+
+
+def test_a_format_without_a_sample_fails_with_what_to_add(samples: dict[str, bytes]) -> None:
+    with pytest.raises(AssertionError, match=r"'another'.*tests/support/log_samples\.py.*1\.8 to 1\.9 E"):
+        samples["another"]
 
 
 @pytest.mark.parametrize("name", list(FORMATS))

@@ -16,6 +16,11 @@ export function drivesPage(values: Values = {}): string {
   return withQuery("/drives", values);
 }
 
+/** When the first of so many days began, the last of which is today, in UTC as the service counts. */
+export function firstMoment(count: number): string {
+  return `${new Date(Date.now() - (count - 1) * 86_400_000).toISOString().slice(0, 10)}T00:00:00Z`;
+}
+
 /** A drive's own page. */
 export function drivePage(id: string): string {
   return `/drives/${id}`;

@@ -13,7 +13,7 @@ import { Audit } from "./sections/Audit";
 import { Bulk } from "./sections/Bulk";
 import { Coverage } from "./sections/Coverage";
 import { Failures } from "./sections/Failures";
-import { MapData } from "./sections/MapData";
+import { Imports, MapData } from "./sections/MapData";
 import { Queue } from "./sections/Queue";
 import { Repeats } from "./sections/Repeats";
 import { Room } from "./sections/Room";
@@ -33,6 +33,7 @@ interface Part {
 // What is open at first is cheap; the rest is read when somebody opens it.
 const PARTS: Part[] = [
   { id: "attention", query: "attention", open: true, Content: Attention },
+  { id: "import", open: true, Content: Imports },
   { id: "queue", query: "queue", open: true, Content: Queue },
   { id: "failures", query: "failures", open: true, Content: Failures },
   { id: "throughput", query: "drives", open: true, Content: Throughput },

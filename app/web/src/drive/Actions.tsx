@@ -6,6 +6,7 @@ import { moment, number, size } from "../shared/format";
 import { tellDone, tellError } from "../shared/Messages";
 import { MethodForm } from "../shared/MethodForm";
 import { chosenQuery, type MethodChosen, type Methods, USUAL, usable } from "../shared/methods";
+import { isNoLog } from "../shared/remarks";
 import { t } from "../shared/texts";
 import { addressOf, type Drive } from "./data";
 import { driveId, leave, look, lookAtTrials } from "./load";
@@ -127,7 +128,7 @@ export function Actions({ drive: now }: { drive: Drive }) {
       <h2 id="actions">{t("drive.actions")}</h2>
       {now.log_deleted_at !== null ? (
         <p>{t("drive.log_deleted", { when: moment(now.log_deleted_at) })}</p>
-      ) : now.status === "done" || now.status === "failed" ? (
+      ) : isNoLog(now) ? null : now.status === "done" || now.status === "failed" ? (
         <details onToggle={(event) => (open.value = event.currentTarget.open)}>
           <summary>{t("drive.again.summary")}</summary>
           {open.value && <AgainForm drive={now} />}

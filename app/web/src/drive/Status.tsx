@@ -1,5 +1,6 @@
 /** Where a drive is that has not ended well yet: its progress, why it failed, that it is gone. */
 import { stageText } from "../shared/drives";
+import { isNoLog, onPage } from "../shared/remarks";
 import { hasText, t } from "../shared/texts";
 import { RetryButton } from "./Actions";
 import { addressOf, type Drive } from "./data";
@@ -35,7 +36,7 @@ export function Failed({ drive }: { drive: Drive }) {
       <h2 id="failed" class="error-text">
         {t("drive.failed.title")}
       </h2>
-      <p>{failure.reason}</p>
+      <p>{onPage(failure.reason)}</p>
       <dl class="figures">
         <div>
           <dt>{t("drive.failed.stage")}</dt>
@@ -52,11 +53,13 @@ export function Failed({ drive }: { drive: Drive }) {
           <dd>{failure.kind}</dd>
         </div>
       </dl>
-      {drive.log_deleted_at === null && <p class="quiet-text">{t("drive.failed.advice")}</p>}
+      {drive.log_deleted_at === null && (
+        <p class="quiet-text">{t(isNoLog(drive) ? "drive.failed.no_log" : "drive.failed.advice")}</p>
+      )}
       <div class="buttons start">
         {drive.log_deleted_at === null && (
           <>
-            <RetryButton />
+            {!isNoLog(drive) && <RetryButton />}
             <a class="button" href={addressOf(drive.id, "/log")} download={drive.filename}>
               {t("drive.download.log")}
             </a>

@@ -65,6 +65,17 @@ describe("a report", async () => {
     expect(warningsOf(null)).toEqual([]);
   });
 
+  it("calls what a log lacks by its name, and names no option of the command line", () => {
+    const missing = ["fix.height_ell_m", "velocity.s_acc_mps", "velocity.vel_d_mps", "pressure"];
+    expect(Object.fromEntries(sentencesOf({ missing }))["log"]).toEqual([
+      "The log lacks: height above the ellipsoid, a part of: velocities of the GNSS, air pressure.",
+    ]);
+    const warnings = ["x is not known; did you mean alt_msl_m? Name it by --columns alt_msl_m=x."];
+    expect(warningsOf({ warnings })).toEqual([
+      "x is not known; did you mean alt_msl_m? Then rename it in the file.",
+    ]);
+  });
+
   it("bears a report of another version", () => {
     expect(() => sentencesOf({ mount: 3, sensors: null, breaks: null, noise: "none" })).not.toThrow();
     expect(sentencesOf({})).toEqual([]);

@@ -3,6 +3,7 @@
  * table of all figures (`allFigures`).
  */
 import { distance, duration, number, percent } from "../shared/format";
+import { onPage } from "../shared/remarks";
 import { hasText, type TextKey, type TextValues, t } from "../shared/texts";
 import type { Report } from "./data";
 
@@ -32,6 +33,18 @@ function sentence(key: string, values: TextValues = {}): string {
 export function nameOf(kind: string, name: string): string {
   const key = `drive.${kind}.${name.replaceAll(" ", "_")}`;
   return hasText(key) ? t(key) : name;
+}
+
+/** Sensors and columns that a log lacks, each by what people call it; columns that have no such name by their sensor. */
+export function lacking(names: readonly string[]): string[] {
+  const said = names.map((name) => {
+    const own = nameOf("lacks", name.replaceAll(".", "_"));
+    const [sensor = name] = name.split(".");
+    return own === name.replaceAll(".", "_") && sensor !== name
+      ? sentence("lacks_part", { of: nameOf("lacks", sensor) })
+      : own;
+  });
+  return [...new Set(said)];
 }
 
 interface Found {
@@ -294,7 +307,9 @@ const SAYINGS: Sayings = {
   missing: {
     topic: "log",
     say: (names: string[]) =>
-      names.length > 0 ? [sentence("missing", { n: names.length, names: names.join(", ") })] : [],
+      names.length > 0
+        ? [sentence("missing", { n: lacking(names).length, names: lacking(names).join(", ") })]
+        : [],
   },
 };
 
@@ -316,7 +331,7 @@ export function sentencesOf(report: Report): [Topic, string[]][] {
 /** The warnings as the service words them. */
 export function warningsOf(report: Report | null): string[] {
   const warnings = report?.["warnings"];
-  return Array.isArray(warnings) ? warnings.map(String) : [];
+  return Array.isArray(warnings) ? warnings.map(String).map(onPage) : [];
 }
 
 /** Every figure of a report with the way to it, `noise.pitch`, as text. */

@@ -1,6 +1,7 @@
 /** The drives: a table, or cards where there is no room for one. */
 import { type Drive, stageText, warningsOf } from "../shared/drives";
 import { distance, moment, number } from "../shared/format";
+import { onPage } from "../shared/remarks";
 import { t } from "../shared/texts";
 import { failureText, sortedBy } from "./Filters";
 import { drives, go, loading, order, type Sort, selected, sort } from "./state";
@@ -55,7 +56,7 @@ function Status({ drive }: { drive: Drive }) {
         <span class="state failed">{failureText(drive.failure.kind)}</span>
         <details>
           <summary aria-label={t("drives.why_named", { name: drive.filename })}>{t("drives.why")}</summary>
-          <p class="reason">{drive.failure.reason}</p>
+          <p class="reason">{onPage(drive.failure.reason)}</p>
         </details>
       </>
     );

@@ -47,15 +47,27 @@ export function headline(slope: number | null, sigma: number | null, to: Compass
   return t(slope < 0 ? "segment.falls" : "segment.rises", { slope: `${size} %${doubt}`, towards });
 }
 
+/** Slopes that differ by less are told alike. */
+const SAME_PERCENT = 0.05;
+
 /** What the elevation model says beside what was measured. */
 export function besideModel(slope: number | null, model: number | null, measured: boolean): string {
   if (model === null) return t("segment.no_model");
   if (slope === null) return t("segment.model_alone", { model: percent(model) });
-  const apart = slope - model;
-  const key = Math.abs(apart) < 0.05 ? "same" : apart > 0 ? "less" : "more";
+  // Of two falls the lower number is the steeper one, so it is not said which is less.
+  const steeper = Math.abs(model) - Math.abs(slope);
+  const level = Math.min(Math.abs(model), Math.abs(slope)) < SAME_PERCENT;
+  const key =
+    Math.abs(slope - model) < SAME_PERCENT
+      ? "same"
+      : slope * model < 0 && !level
+        ? "other_way"
+        : steeper > 0
+          ? "steeper"
+          : "flatter";
   return t(`segment.model_${key}`, {
     model: percent(model),
-    apart: number(Math.abs(apart), 1),
+    apart: number(Math.abs(steeper), 1),
     than: t(measured ? "segment.than_measured" : "segment.than_follows"),
   });
 }

@@ -39,6 +39,8 @@ export interface ChartProps {
   lines: readonly Line[];
   /** Of the left scale. */
   unit?: string;
+  /** Where the left scale begins, unless a value lies below; else where the values do. */
+  floor?: number;
   /** Stretches of the axis that stand out; drawn anew when it is another object. */
   stretches?: readonly Stretch[];
   height?: number;
@@ -59,7 +61,18 @@ function pointAt(chart: uPlot, x: ArrayLike<number>, at: number | null): void {
 }
 
 export function Chart(props: ChartProps) {
-  const { title, axis, x, lines, unit, stretches = NONE, height = 200, onHover, plain = false } = props;
+  const {
+    title,
+    axis,
+    x,
+    lines,
+    unit,
+    floor,
+    stretches = NONE,
+    height = 200,
+    onHover,
+    plain = false,
+  } = props;
   const own = useMemo(chartLink, []);
   const link = props.link ?? own;
   const into = useRef<HTMLDivElement>(null);
@@ -90,7 +103,7 @@ export function Chart(props: ChartProps) {
     if (!host || x.length === 0) return;
     const all: [number, number] = [x[0] as number, x[x.length - 1] as number];
     const shown = lines.map((line) => ({ ...line, hidden: off.peek().has(line.label) }));
-    const drawing = { title, x, lines: shown, axis, unit, height, stretches };
+    const drawing = { title, x, lines: shown, axis, unit, height, stretches, floor };
     let ready = false;
     const plot = draw(drawing, host, hover, ([low, high]) => {
       if (!ready) return;
@@ -118,7 +131,7 @@ export function Chart(props: ChartProps) {
       plot.destroy();
       chart.current = null;
     };
-  }, [x, lines, stretches, chosen, height, axis, unit]);
+  }, [x, lines, stretches, chosen, height, axis, unit, floor]);
 
   // The cursor of others, and of the slider.
   useSignalEffect(() => {

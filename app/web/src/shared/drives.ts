@@ -1,6 +1,7 @@
 /** What several pages say of a drive in the same words. */
 import type { components } from "../api/schema";
 import { api, got } from "./api";
+import { onPage } from "./remarks";
 import { hasText, t } from "./texts";
 
 /** A drive; the client's own type of a box is as wide. */
@@ -13,7 +14,7 @@ export function getDrive(id: string): Promise<Drive> {
 
 /** What its computation remarks on. */
 export function warningsOf(drive: Drive | null): string[] {
-  return (drive?.report?.["warnings"] as string[] | undefined) ?? [];
+  return ((drive?.report?.["warnings"] as string[] | undefined) ?? []).map(onPage);
 }
 
 /** The map at a box of degrees: west, south, east, north. */

@@ -76,6 +76,28 @@ def meets(feature: dict[str, Any], west: float, south: float, east: float, north
     )
 
 
+def test_the_steepest_come_first_whichever_way_they_are_drawn(reading: Any) -> None:
+    known = [f for f in ids_and_slopes(reading, driven="true") if f[1] is not None]
+    expected = sorted(known, key=lambda f: (-abs(f[1]), -f[0]))
+    assert {slope > 0 for _, slope in known} == {True, False}
+    assert ids_and_slopes(reading, driven="true", sortby="-steepness_percent", limit=3) == expected
+    least = sorted({abs(slope) for _, slope in known})[-1]
+    only = ids_and_slopes(
+        reading, filter=f"steepness_percent >= {least}", sortby="-steepness_percent", limit=2
+    )
+    assert only == [f for f in expected if abs(f[1]) >= least]
+
+
+def ids_and_slopes(web: Any, **params: Any) -> list[tuple[int, Any]]:
+    found = [f for page in pages(web, **params) for f in page["features"]]
+    assert all(
+        f["properties"]["steepness_percent"] == abs(f["properties"]["slope_percent"])
+        for f in found
+        if f["properties"]["drives"]
+    )
+    return [(f["id"], f["properties"]["slope_percent"]) for f in found]
+
+
 def test_a_box_across_the_antimeridian(reading: Any) -> None:
     def ways(box: str) -> set[int]:
         found = pages(reading, bbox=box, limit=1)

@@ -16,7 +16,8 @@ from app.map import store as segments
 from app.map.items.collections import COLLECTIONS, SEGMENTS, Property
 from app.map.items.places import CRS84, CRSS, EPSG3857
 from app.map.items.request import parse_item
-from app.map.items.store import feature_sql, one, value_sql
+from app.map.items.store import one
+from app.map.items.writing import feature_sql, value_sql
 from app.map.segment import COLUMNS, PROPERTIES
 from items_support import Items, N
 

@@ -22,6 +22,7 @@ from items_support import Items, fill, ids_of
 
 KEYS = [
     "slope_percent",
+    "steepness_percent",
     "name",
     "highway",
     "oneway",

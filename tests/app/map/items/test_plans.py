@@ -8,17 +8,19 @@ import pytest
 
 from app.core.db import fetch_binary
 from app.map.items import store
-from app.map.items.collections import SEGMENTS
+from app.map.items.collections import SEGMENTS, WAYS, Collection
 from app.map.items.request import parse_items
 from items_support import Items
 
 
-def plans(items: Items, params: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def plans(
+    items: Items, params: dict[str, str], monkeypatch: pytest.MonkeyPatch, collection: Collection = SEGMENTS
+) -> list[str]:
     """How the server would find a page if it had to avoid reading whole tables and sorting."""
     found: list[str] = []
 
     def explained(session: Any, query: str, values: Any, **how: Any) -> Any:
-        if query.lstrip().startswith("SELECT CASE"):
+        if query.lstrip().startswith(("SELECT CASE", "SELECT concat")):
             found.append("\n".join(line for (line,) in fetch_binary(session, f"EXPLAIN {query}", values)))
         return fetch_binary(session, query, values, **how)
 
@@ -26,7 +28,7 @@ def plans(items: Items, params: dict[str, str], monkeypatch: pytest.MonkeyPatch)
     with items.sessions() as session:
         for name in ("enable_seqscan", "enable_bitmapscan", "enable_sort"):
             fetch_binary(session, "SELECT set_config(%(name)s, 'off', true)", {"name": name})
-        store.page(session, parse_items(SEGMENTS, [*params.items()], items.settings))
+        store.page(session, parse_items(collection, [*params.items()], items.settings))
     return found
 
 
@@ -46,6 +48,11 @@ def plans(items: Items, params: dict[str, str], monkeypatch: pytest.MonkeyPatch)
         ({"sortby": "-name"}, "ix_segments_name"),
         ({"sortby": "-slope_percent"}, "ix_segment_slopes_slope_percent"),
         ({"sortby": "slope_percent", "filter": "slope_percent > 1"}, "ix_segment_slopes_slope_percent"),
+        ({"sortby": "-steepness_percent"}, "ix_segment_slopes_steepness_percent"),
+        (
+            {"sortby": "-steepness_percent", "filter": "steepness_percent > 4"},
+            "ix_segment_slopes_steepness_percent",
+        ),
         ({"sortby": "-steepest_percent"}, "ix_segment_slopes_steepest_percent"),
         ({"sortby": "-updated_at"}, "ix_segment_slopes_updated_at"),
         (
@@ -66,6 +73,15 @@ def test_an_index_finds_and_orders(
         if "Sort" in line and "Incremental" not in line and "Key" not in line
     ]
     assert whole == []
+
+
+def test_the_steepest_ways_are_found_by_an_index(items: Items, monkeypatch: pytest.MonkeyPatch) -> None:
+    params = {"sortby": "-steepness_percent", "limit": "5"}
+    place = items.page("ways", **params).next_cursor
+    assert place is not None
+    for more in ({}, {"after": place}):
+        first, *_ = plans(items, {**params, **more}, monkeypatch, WAYS)
+        assert "ix_ways_steepness_percent" in first
 
 
 def test_a_box_is_found_by_the_index_of_places(items: Items, monkeypatch: pytest.MonkeyPatch) -> None:

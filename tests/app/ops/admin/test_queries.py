@@ -127,6 +127,23 @@ def test_a_drive_that_contradicts_the_others_leads_the_disagreements(filled: Any
     assert row["farthest_sigmas"] > 10
 
 
+def test_a_drive_that_agrees_on_the_segment_disagrees_on_none(filled: Any) -> None:
+    """Rejected there for what it says beside it; a list of the worst has no 0.0 sigmas."""
+    with filled.sessions() as session:
+        table, ids = extracts.all_roads(session)
+    for slope in (2.0, 2.1, 1.9):
+        drive_over(filled.sessions, table, ids, dict.fromkeys((56, 57, 58), (slope, 0.4)))
+    publish(filled.sessions, new_drive(filled.sessions), ids, [pass_over(table, 56, 9.0, 0.3)])
+    with filled.sessions.begin() as session:
+        session.execute(
+            text(
+                "UPDATE drive_segments SET slope_percent = 2.0 WHERE slope_percent > 5 AND segment_id = :id"
+            ),
+            {"id": int(ids[56])},
+        )
+    assert ask(filled, "disagreements") == []
+
+
 def test_figures_are_kept_until_the_map_changes(filled: Any) -> None:
     """Made once for each, then no more; again when something changed and they are old enough."""
     with filled.sessions() as session:

@@ -54,15 +54,23 @@ export async function widen(kind: keyof typeof WIDENINGS): Promise<void> {
   if (yes) await askFor(kind, null);
 }
 
-/** Carry out what is planned. */
-export async function approve(one: Operation, what: preact.ComponentChildren): Promise<void> {
-  const yes = await confirmed({
-    title: t("admin.operations.approve_ask", { what: one.subject ?? one.kind }),
-    what,
-    action: t("admin.operations.approve"),
-    destructive: one.kind.startsWith("remove"),
-  });
-  if (!yes) return;
+/** Whether what it takes away is not brought back by asking for it again. */
+export function destroys(one: Operation): boolean {
+  return one.kind.startsWith("remove");
+}
+
+/** Carry out what is planned: the plan itself is the question, but for a removal, which is asked for once more. */
+export async function approve(one: Operation): Promise<void> {
+  if (
+    destroys(one) &&
+    !(await confirmed({
+      title: t("admin.operations.approve_ask", { what: one.subject ?? one.kind }),
+      what: <p>{t("admin.operations.approve_what")}</p>,
+      action: t("admin.operations.approve"),
+      destructive: true,
+    }))
+  )
+    return;
   try {
     await ask<Operation>("POST", `${OPERATIONS}/${one.id}/approve`);
     tellDone(t("admin.operations.approved"));

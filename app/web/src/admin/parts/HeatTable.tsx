@@ -31,7 +31,7 @@ export function HeatTable({ rows }: { rows: SigmaCount[] }) {
               <th scope="col">{t("admin.sigmas.drives")}</th>
               {sigmas.map((from) => (
                 <th key={from} scope="col" class="number">
-                  {t("admin.sigmas.from", { from: number(from, from < 1 ? 1 : 0) })}
+                  {t("admin.sigmas.from", { from: number(from, Number.isInteger(from) ? 0 : 1) })}
                 </th>
               ))}
             </tr>

@@ -15,9 +15,11 @@ interface ChartProps extends Lines {
   title: string;
   unit: string;
   csv: string;
+  /** Whether each place is a day, not a moment. */
+  daily: boolean;
 }
 
-export function TimeChart({ times, lines, title, unit, csv }: ChartProps) {
+export function TimeChart({ times, lines, title, unit, csv, daily }: ChartProps) {
   const same = JSON.stringify([times, lines]);
   const [x, drawn] = useMemo(
     (): [number[], Line[]] => [
@@ -28,7 +30,7 @@ export function TimeChart({ times, lines, title, unit, csv }: ChartProps) {
         dashed: k > 2,
         points: times.length < FEW,
         unit,
-        decimals: 1,
+        decimals: unit === "" ? 0 : 1,
       })),
     ],
     [same, unit],
@@ -36,7 +38,7 @@ export function TimeChart({ times, lines, title, unit, csv }: ChartProps) {
   if (times.length === 0) return null;
   return (
     <>
-      <Chart title={title} axis="moment" x={x} lines={drawn} unit={unit} />
+      <Chart title={title} axis={daily ? "day" : "moment"} x={x} lines={drawn} unit={unit} floor={0} />
       <p class="below">
         <a href={csv} download>
           {t("admin.table.csv", { name: title })}

@@ -26,7 +26,7 @@ function byTime<Row>(rows: Row[], at: (row: Row) => string): Row[] {
 const HOUR_S = 3600;
 const DAY_S = 24 * HOUR_S;
 /** The service tells so many days by the hour, more by the day. */
-const HOURLY_DAYS = 2;
+export const HOURLY_DAYS = 2;
 
 /** Drives that ended; an hour or a day of which nothing is told had none. */
 export function throughputSeries(rows: Throughput[], days: number, nowS = Date.now() / 1000): Lines {

@@ -1,8 +1,11 @@
 /** What needs a person, the most urgent first; each with what to do and the way there. */
+
+import { useState } from "preact/hooks";
 import { duration, number } from "../../shared/format";
 import { hasText, t } from "../../shared/texts";
 import type texts from "../../texts/en.json";
-import { ownAddress } from "../links";
+import { remove, reprocess } from "../actions/drives";
+import { firstMoment, ownAddress } from "../links";
 import { useQuery } from "../page_state";
 import { Loaded } from "../parts/Section";
 import type { Attention as Row } from "../types";
@@ -14,9 +17,45 @@ const SECTIONS: Record<string, keyof typeof texts.admin.parts> = {
   cell: "queue",
   disk: "room",
   failed: "failures",
-  "operation-planned": "roads",
-  "operation-failed": "roads",
+  "operation-planned": "import",
+  "operation-failed": "import",
 };
+
+// So far back the service looks for failures (`app.ops.admin.attention`).
+const FAILED_DAYS = 7;
+
+// What would help drives that failed so: roads, or to be gone.
+const LACK_ROADS = new Set(["no-roads", "no-match"]);
+const NO_LOGS = new Set(["unknown-format", "empty-log", "malformed-log", "bad-log"]);
+
+/** Failed drives of one reason: what helps, which asks first. */
+function FailedActs({ row }: { row: Row }) {
+  const [message, setMessage] = useState<string | null>(null);
+  const kind = new URLSearchParams(ownAddress(row.link)?.split("?")[1] ?? "").get("failure");
+  if (kind === null) return null;
+  const selection = { which: "failed", failure: kind, created_after: firstMoment(FAILED_DAYS) };
+  const whom = t("admin.failures.whom", { kind, n: FAILED_DAYS });
+  return (
+    <>
+      {LACK_ROADS.has(kind) && (
+        <a class="button" href="#import">
+          {t("admin.import.roads")}
+        </a>
+      )}
+      {row.severity === "act" && (
+        <button type="button" onClick={() => void reprocess(selection, whom).then(setMessage)}>
+          {t("admin.attention.retry", { kind })}
+        </button>
+      )}
+      {NO_LOGS.has(kind) && (
+        <button type="button" class="danger" onClick={() => void remove(selection, whom).then(setMessage)}>
+          {t("admin.attention.remove", { kind })}
+        </button>
+      )}
+      {message && <span role="status">{message}</span>}
+    </>
+  );
+}
 
 function Item({ row }: { row: Row }) {
   const kind = `admin.attention.kinds.${row.kind.replaceAll("-", "_")}`;
@@ -41,8 +80,15 @@ function Item({ row }: { row: Row }) {
             {t("admin.attention.list")}
           </a>
         )}
-        {section && (
-          <a href={`#${section}`}>{t("admin.attention.there", { title: t(`admin.parts.${section}`) })}</a>
+        {row.kind === "failed" && <FailedActs row={row} />}
+        {row.kind === "operation-planned" ? (
+          <a class="button" href="#operations">
+            {t("admin.attention.plan")}
+          </a>
+        ) : (
+          section && (
+            <a href={`#${section}`}>{t("admin.attention.there", { title: t(`admin.parts.${section}`) })}</a>
+          )
         )}
       </p>
     </li>

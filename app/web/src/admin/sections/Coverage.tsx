@@ -140,6 +140,7 @@ function GrowthChart() {
             {...growthSeries(rows)}
             title={t("admin.coverage.growth")}
             unit="km"
+            daily
             csv={queryAddress("growth", { days: days.value, f: "csv" })}
           />
         </>

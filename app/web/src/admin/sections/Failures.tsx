@@ -3,16 +3,11 @@ import { useState } from "preact/hooks";
 import { moment, number } from "../../shared/format";
 import { t } from "../../shared/texts";
 import { remove, reprocess } from "../actions/drives";
-import { drivePage, drivesPage, queryAddress } from "../links";
+import { drivePage, drivesPage, firstMoment, queryAddress } from "../links";
 import { days, useQuery } from "../page_state";
 import { Loaded } from "../parts/Section";
 import { Table } from "../parts/Table";
 import type { Failure } from "../types";
-
-/** When the first of so many days began, the last of which is today, in UTC as the service counts. */
-function firstMoment(count: number): string {
-  return `${new Date(Date.now() - (count - 1) * 86_400_000).toISOString().slice(0, 10)}T00:00:00Z`;
-}
 
 function listOf(row: Failure): string {
   return drivesPage({ status: "failed", failure: row.kind, created_after: firstMoment(days.value) });

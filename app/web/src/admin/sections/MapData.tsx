@@ -109,12 +109,10 @@ function Rasters() {
   );
 }
 
-export function MapData() {
+/** Files that come in, and what became of them: what a new service needs first. */
+export function Imports() {
   return (
     <>
-      <Operations />
-      <Regions />
-      <Rasters />
       <div class="cards">
         <div class="card">
           <ImportFile kind="import-roads" />
@@ -122,6 +120,18 @@ export function MapData() {
         <div class="card">
           <ImportFile kind="import-dem" />
         </div>
+      </div>
+      <Operations />
+    </>
+  );
+}
+
+export function MapData() {
+  return (
+    <>
+      <Regions />
+      <Rasters />
+      <div class="cards">
         <div class="card">
           <h3>{t("admin.settle.title")}</h3>
           <p>{t("admin.settle.what")}</p>

@@ -2,7 +2,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { moment, number } from "../../shared/format";
 import { hasText, t } from "../../shared/texts";
-import { approve, drop, groundChanged, OPERATIONS } from "../actions/operations";
+import { approve, destroys, drop, groundChanged, OPERATIONS } from "../actions/operations";
 import { useReading } from "../page_state";
 import { Progress } from "../parts/Progress";
 import { Loaded } from "../parts/Section";
@@ -88,10 +88,10 @@ function Card({ one }: { one: Operation }) {
         {one.status === "planned" && (
           <button
             type="button"
-            class={one.kind.startsWith("remove") ? "danger" : "primary"}
-            onClick={() => void approve(one, one.plan ? <Plan plan={one.plan} /> : null)}
+            class={destroys(one) ? "danger" : "primary"}
+            onClick={() => void approve(one)}
           >
-            {t("admin.operations.approve")}
+            {t(destroys(one) ? "admin.operations.approve_asking" : "admin.operations.approve")}
           </button>
         )}
       </div>

@@ -5,11 +5,12 @@ import { drivesPage, queryAddress } from "../links";
 import { days, offers, useQuery } from "../page_state";
 import { Loaded } from "../parts/Section";
 import { Table } from "../parts/Table";
-import { stageSeries, TimeChart, throughputSeries } from "../parts/TimeChart";
+import { HOURLY_DAYS, stageSeries, TimeChart, throughputSeries } from "../parts/TimeChart";
 import type { DayOfDrives, Throughput as Row, Times } from "../types";
 
 function Charts() {
   const csv = queryAddress("throughput", { days: days.value, f: "csv" });
+  const daily = days.value > HOURLY_DAYS;
   return (
     <Loaded of={useQuery<Row>("throughput", 60, days.value)}>
       {({ rows }) => (
@@ -20,10 +21,17 @@ function Charts() {
               title={t("admin.throughput.drives")}
               unit=""
               csv={csv}
+              daily={daily}
             />
           </div>
           <div>
-            <TimeChart {...stageSeries(rows)} title={t("admin.throughput.stages")} unit="s" csv={csv} />
+            <TimeChart
+              {...stageSeries(rows)}
+              title={t("admin.throughput.stages")}
+              unit="s"
+              csv={csv}
+              daily={daily}
+            />
           </div>
         </div>
       )}

@@ -11,6 +11,8 @@ export interface Drawing {
   unit: string | undefined;
   height: number;
   stretches: readonly Stretch[];
+  /** Where the left scale begins, unless a value lies below. */
+  floor: number | undefined;
 }
 
 const BAND = 0.22;
@@ -99,7 +101,8 @@ function range(drawing: Drawing, scale: "left" | "right"): uPlot.Scale.Range {
     // Without a line that is shown there is no scale either.
     if (low === null || high === null || !Number.isFinite(low)) return [null, null];
     const spare = Math.max((high - low) * 0.08, 0.05) + reach;
-    return [low - spare, high + spare];
+    const floor = scale === "left" ? drawing.floor : undefined;
+    return [floor !== undefined && low >= floor ? floor : low - spare, high + spare];
   };
 }
 
@@ -127,6 +130,9 @@ function axes(drawing: Drawing, colour: Palette): uPlot.Axis[] {
         ticks(drawing.axis, splits, (chart.scales["x"]?.max ?? 1) - (chart.scales["x"]?.min ?? 0)),
       ...(drawing.axis === "elapsed"
         ? { incrs: [1, 5, 10, 30, 60, 300, 600, 1800, 3600, 7200, 14_400] }
+        : {}),
+      ...(drawing.axis === "day"
+        ? { incrs: [1, 2, 3, 7, 14, 31, 61, 92, 183, 365].map((days) => days * 86_400) }
         : {}),
     },
     { ...look, ticks: marks, scale: "left", size: width, values: heights(drawing.unit), space: 32 },
@@ -208,7 +214,10 @@ export function draw(
       bind: { mousedown: (_chart, _target, handle) => (event) => (event.shiftKey ? null : handle(event)) },
     },
     scales: {
-      x: { time: false, ...(drawing.axis === "moment" ? { range: momentRange } : {}) },
+      x: {
+        time: false,
+        ...(drawing.axis === "moment" || drawing.axis === "day" ? { range: momentRange } : {}),
+      },
       left: { range: range(drawing, "left") },
       right: { range: range(drawing, "right") },
     },

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { columnOf } from "./draw";
-import { elapsed, known, type Line, nearest, spread, ticks, written } from "./lines";
+import { elapsed, known, type Line, nearest, place, spread, ticks, written } from "./lines";
 import { zoomedRange } from "./moves";
 
 const line = (more: Partial<Line> = {}): Line => ({
@@ -52,4 +52,10 @@ test("zoom stays inside and ends at all", () => {
   expect(zoomedRange([0, 100], [25, 75], null, 2)).toBeNull();
   expect(zoomedRange([0, 100], [60, 100], 61, 1, 0.5)).toEqual([60, 100]);
   expect(zoomedRange([0, 100], [0, 40], null, 1, 0.5)).toEqual([20, 60]);
+});
+
+test("a day has no hours, wherever the visitor is", () => {
+  const at = Date.parse("2026-11-20T00:00:00Z") / 1000;
+  expect(place("day", at)).toBe("Nov 20, 2026");
+  expect(ticks("day", [at, at + 86_400], 86_400)).toEqual(["Nov 20", "Nov 21"]);
 });

@@ -28,8 +28,8 @@ export interface Line {
   hidden?: boolean;
 }
 
-/** What the horizontal axis counts: metres, seconds since a start, or seconds since 1970. */
-export type Axis = "distance" | "elapsed" | "moment";
+/** What the horizontal axis counts: metres, seconds since a start, or seconds since 1970, of moments or of days of UTC. */
+export type Axis = "distance" | "elapsed" | "moment" | "day";
 
 /** A stretch of the horizontal axis that stands out. */
 export interface Stretch {
@@ -70,7 +70,13 @@ export function elapsed(seconds: number): string {
 /** A place of the horizontal axis, in full. */
 export function place(axis: Axis, x: number): string {
   if (axis === "distance") return x < 100 ? `${number(x, 1)} m` : distanceFull(x);
+  if (axis === "day") return dayOf(x, { dateStyle: "medium" });
   return axis === "elapsed" ? elapsed(x) : moment(new Date(x * 1000).toISOString());
+}
+
+/** A day of UTC: it has no hours, whatever the visitor's time zone. */
+function dayOf(x: number, style: Intl.DateTimeFormatOptions): string {
+  return new Date(x * 1000).toLocaleDateString(currentLanguage(), { timeZone: "UTC", ...style });
 }
 
 function distanceFull(metres: number): string {
@@ -97,11 +103,12 @@ export function ticks(axis: Axis, splits: number[], span: number): string[] {
   }
   const day = 86_400;
   const style: Intl.DateTimeFormatOptions =
-    span < 2 * day
+    span < 2 * day && axis === "moment"
       ? { hour: "2-digit", minute: "2-digit" }
       : span < 300 * day
         ? { day: "numeric", month: "short" }
         : { month: "short", year: "numeric" };
+  if (axis === "day") return splits.map((x) => dayOf(x, style));
   const format = new Intl.DateTimeFormat(currentLanguage(), style);
   return splits.map((x) => format.format(new Date(x * 1000)));
 }
