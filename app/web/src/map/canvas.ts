@@ -13,6 +13,7 @@ import {
 } from "maplibre-gl";
 import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?url";
 import "maplibre-gl/dist/maplibre-gl.css";
+import "../shared/maplibre.css";
 import { effect } from "@preact/signals";
 import { showPointed } from "../segment/pointed";
 import { getJson } from "../shared/api";
