@@ -32,6 +32,15 @@ DRIVERS = "GL Driver Message"
 PATIENCE_MS = 20_000
 """Machines are shared; whatever appears sooner is not waited for."""
 IMPACTS = ("serious", "critical")
+WHITE = """() => {
+  const seen = (one) => one.checkVisibility({ visibilityProperty: true, opacityProperty: true });
+  return [...document.querySelectorAll('*')].filter((one) => {
+    const [red, green, blue, alpha = 1] = getComputedStyle(one).backgroundColor.match(/[\\d.]+/g).map(Number);
+    const { width, height } = one.getBoundingClientRect();
+    return alpha > 0.3 && Math.min(red, green, blue) > 180 && Math.min(width, height) > 20 && seen(one);
+  }).map((one) => `${one.tagName} .${one.className} ${one.textContent.slice(0, 40)}`);
+}"""
+"""What has a ground that is nearly white."""
 
 
 @dataclass
@@ -57,6 +66,11 @@ class Tab:
         """Wait until this is so. The driver's own ``wait_for_function`` has the page evaluate text from the second look
         on, which the pages' policy forbids."""
         wait_until(lambda: bool(self.page.evaluate(script)), within_s=PATIENCE_MS / 1000)
+
+    def white_boxes(self) -> list[str]:
+        """What is nearly white: in the dark nothing is."""
+        found: list[str] = self.page.evaluate(WHITE)
+        return found
 
     def faults(self) -> list[str]:
         """What axe-core finds that is serious or critical, a line each."""

@@ -11,7 +11,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from app.core import databases
 from app.core.settings import Settings
@@ -21,13 +21,14 @@ from app.jobs.requests.run import perform
 from app.jobs.task import Work
 from app.roads import imports as road_imports
 from app.terrain import imports as dem_imports
-from browser_fixtures import Tab
+from browser_fixtures import PATIENCE_MS, Tab
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
 from processing_support import accept_upload, carry_out_removals, drive_now, process_drive
+from server_support import wait_until
 from web_fixtures import Web, served
 
 DAY_S = 86_400.0
@@ -134,6 +135,23 @@ def test_hovering_links_profile_and_map(drives: Drives, tab: Tab) -> None:
     expect(sliders.nth(0)).not_to_have_value(before)
 
 
+def under(page: Page, credit: Locator) -> list[int]:
+    """Which twentieths of the drive lie under the credit of its map."""
+    slider = page.get_by_role("slider").first
+    most = int(slider.get_attribute("max") or "0")
+    box = credit.bounding_box()
+    assert box is not None
+    found = []
+    for k in range(21):
+        slider.fill(str(most * k // 20))
+        spot = page.locator(".track-marker").bounding_box()
+        assert spot is not None
+        x, y = spot["x"] + spot["width"] / 2, spot["y"] + spot["height"] / 2
+        if box["x"] <= x <= box["x"] + box["width"] and box["y"] <= y <= box["y"] + box["height"]:
+            found.append(k)
+    return found
+
+
 def test_lines_can_be_hidden_and_charts_zoom_together(drives: Drives, tab: Tab) -> None:
     page = opened(tab, drives.address("first.csv"))
     altitude = page.get_by_role("button", name="GNSS altitude")
@@ -176,6 +194,7 @@ def test_where_it_contradicts_others(drives: Drives, tab: Tab) -> None:
     table.get_by_role("button", name="Here").first.click()
     expect(page.get_by_role("slider").first).not_to_have_attribute("max", whole or "")
     expect(page.locator(".track-marker")).to_have_count(1)
+    page.locator(".drive-remarks summary").click()
     expect(page.get_by_text("contradicts other drives on").first).to_be_visible()
 
 
@@ -247,6 +266,29 @@ def test_one_that_is_not_there(drives: Drives, tab: Tab) -> None:
     tab.page.goto(f"{drives.web.base}/drives/{uuid.uuid4()}")
     expect(tab.page.get_by_role("heading", name="There is no such drive")).to_be_visible()
     assert tab.faults() == []
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_on_a_phone_the_map_comes_first_and_its_credit_hides_no_track(
+    drives: Drives, tab_maker: Callable[..., Tab], theme: str
+) -> None:
+    tab = tab_maker(viewport={"width": 390, "height": 844}, color_scheme=theme)
+    page = opened(tab, drives.address("<i>wrong</i>.csv"))
+    track = page.locator(".track-map")
+    credit = track.locator(".maplibregl-ctrl-attrib")
+    expect(credit).to_contain_text("OpenStreetMap")
+    wait_until(lambda: not under(page, credit), within_s=PATIENCE_MS / 1000)
+    remarks = page.locator("details.drive-remarks")
+    tops = [one.bounding_box()["y"] for one in (track, remarks, page.locator("#figures"))]  # type: ignore[index]
+    assert tops == sorted(tops)
+    assert tops[1] < 844
+    assert remarks.bounding_box()["height"] < 60  # type: ignore[index]
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    remarks.locator("summary").click()
+    expect(remarks.get_by_role("listitem").first).to_contain_text("contradicts other drives on")
+    assert tab.faults() == []
+    if theme == "dark":
+        assert tab.white_boxes() == []
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

@@ -24,6 +24,8 @@ def test_it_opens_on_nothing_without_a_fault(
     assert tab.page.title().endswith("– Versant")
     assert tab.page.locator("main").is_visible()
     assert tab.page.locator("html").get_attribute("data-theme") == theme
+    if theme == "dark":
+        assert tab.white_boxes() == []
     if name != "docs":  # whose many operations test_docs_page.py looks at, with some of them open
         assert tab.faults() == []
 

@@ -1,6 +1,7 @@
 /** What the whole page shares: the reader, how many days are looked at, what this service offers, what is open. */
-import { computed, signal } from "@preact/signals";
+import { computed } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { goTo, search } from "../shared/address";
 import { getJson } from "../shared/api";
 import { Reader, type Reading } from "./reading";
 import type { Answer, QueryList } from "./types";
@@ -9,19 +10,16 @@ export const DAYS = [1, 7, 30, 365] as const;
 
 export const reader = new Reader((address) => getJson(address));
 
-function daysOfAddress(): number {
-  const asked = Number(new URLSearchParams(location.search).get("days"));
-  return DAYS.find((one) => one === asked) ?? 30;
-}
-
 /** How many days back, for figures by day. */
-export const days = signal<number>(daysOfAddress());
+export const days = computed<number>(() => {
+  const asked = Number(new URLSearchParams(search.value).get("days"));
+  return DAYS.find((one) => one === asked) ?? 30;
+});
 
 export function chooseDays(chosen: number): void {
-  days.value = chosen;
   const here = new URL(location.href);
   here.searchParams.set("days", String(chosen));
-  history.replaceState(null, "", here);
+  goTo(here.href);
 }
 
 const LIST = "/v1/admin";
@@ -54,15 +52,3 @@ export function useQuery<Row>(
 ): Reading<Answer<Row>> {
   return useReading(`/v1/admin/${name}${ofDays === null ? "" : `?days=${ofDays}`}`, everyS);
 }
-
-/** The section that the address asks for; another object each time somebody asks. */
-export const wantedSection = signal({ id: location.hash.slice(1) });
-const want = () => {
-  wantedSection.value = { id: location.hash.slice(1) };
-};
-addEventListener("hashchange", want);
-// A link to where the address is already changes nothing of it, but what it leads to may be folded.
-addEventListener("click", (event) => {
-  const link = event.target instanceof Element ? event.target.closest("a") : null;
-  if (link?.getAttribute("href") === location.hash && location.hash) want();
-});

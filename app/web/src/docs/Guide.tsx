@@ -1,5 +1,6 @@
 /** One page of the documentation: the text that the service put into this page. Nothing in it came from a visitor. */
 import { useEffect, useRef } from "preact/hooks";
+import { lookedAt } from "../shared/address";
 import { t } from "../shared/texts";
 
 /** What the service put into the page; null: there is no such page. */
@@ -17,7 +18,7 @@ export function GuideText({ name }: { name: string }) {
   const article = useRef<HTMLElement>(null);
   useEffect(() => {
     // The text was drawn anew after the browser looked for what the address names.
-    const place = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    const place = document.getElementById(lookedAt.peek());
     if (place && article.current?.contains(place)) place.scrollIntoView();
   }, []);
   if (guideHtml === null) {

@@ -1,5 +1,5 @@
 /** What can be asked of the service: one entry per operation, made when it is opened. */
-import { useEffect, useState } from "preact/hooks";
+import { useFold } from "../shared/address";
 import { tellDone, tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
 import {
@@ -148,24 +148,13 @@ function Body({ operation, document }: { operation: Operation; document: ApiDocu
 }
 
 function Entry({ operation, document }: { operation: Operation; document: ApiDocument }) {
-  const named = decodeURIComponent(location.hash.slice(1)) === operation.id;
-  const [open, setOpen] = useState(named);
-  useEffect(() => {
-    const look = () => decodeURIComponent(location.hash.slice(1)) === operation.id && setOpen(true);
-    addEventListener("hashchange", look);
-    return () => removeEventListener("hashchange", look);
-  }, [operation.id]);
-  const toggled = (isOpen: boolean) => {
-    setOpen(isOpen);
-    // The address leads to what was opened last; history gets no step for it.
-    if (isOpen) history.replaceState(null, "", `#${operation.id}`);
-  };
+  const [open, fold] = useFold(operation.id);
   return (
     <details
       id={operation.id}
       class="operation"
       open={open}
-      onToggle={(event) => event.currentTarget.open !== open && toggled(event.currentTarget.open)}
+      onToggle={(event) => event.currentTarget.open !== open && fold(event.currentTarget.open)}
     >
       <summary>
         <span class={`method ${operation.method.toLowerCase()}`}>{operation.method}</span>{" "}

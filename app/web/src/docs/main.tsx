@@ -1,5 +1,6 @@
 /** The documentation: `/docs` lists the guides and describes the API, `/docs/{name}` is one guide. */
 import { useEffect, useLayoutEffect, useState } from "preact/hooks";
+import { lookedAt } from "../shared/address";
 import { getJson } from "../shared/api";
 import { errorText } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
@@ -48,8 +49,7 @@ function Start({ sections, document: api, problem }: StartProps) {
   const found = sectionsWith(sections, words);
   const books = found.reduce((sum, section) => sum + section.pages.length, 0);
   useEffect(() => {
-    const place = api && document.getElementById(decodeURIComponent(location.hash.slice(1)));
-    if (place) place.scrollIntoView();
+    if (api) document.getElementById(lookedAt.peek())?.scrollIntoView();
   }, [api]);
   return (
     <article>

@@ -11,7 +11,7 @@ import { compareWith, driveId, lookAtTrials } from "./load";
 import { Scrolled } from "./Scrolled";
 import { segmentName, showSegment } from "./Segments";
 import { stageOf } from "./Status";
-import { other, profile, segments, trials } from "./state";
+import { other, profile, segments, trials, wanted } from "./state";
 
 const STEP = 25;
 const LISTED = 100;
@@ -35,8 +35,9 @@ function Choice({ drive }: { drive: Drive }) {
     }, tellError);
   }, [drive.id]);
   const done = trials.value.filter((one) => one.status === "done");
-  const now = other.value ? `${other.value.kind} ${other.value.id}` : "";
-  const strange = other.value?.kind === "drive" && !near.value.some((one) => one.id === other.value?.id);
+  const asked = wanted.value;
+  const now = asked ? `${asked.kind} ${asked.id}` : "";
+  const strange = asked?.kind === "drive" && !near.value.some((one) => one.id === asked.id);
   return (
     <p class="drive-choice">
       <label for="compare-with">{t("drive.compare.with")}</label>
@@ -45,7 +46,7 @@ function Choice({ drive }: { drive: Drive }) {
         value={now}
         onChange={(event) => {
           const [kind, id] = event.currentTarget.value.split(" ");
-          void compareWith(kind ? (kind as "drive" | "trial") : null, id);
+          compareWith(kind ? (kind as "drive" | "trial") : null, id);
         }}
       >
         <option value="">{t("drive.compare.nothing")}</option>
@@ -59,7 +60,7 @@ function Choice({ drive }: { drive: Drive }) {
           </optgroup>
         )}
         <optgroup label={t("drive.compare.drives")}>
-          {strange && <option value={now}>{other.value?.name}</option>}
+          {strange && <option value={now}>{other.value?.name ?? asked.id}</option>}
           {near.value.map((one) => (
             <option key={one.id} value={`drive ${one.id}`}>
               {one.filename}, {moment(one.drive_time ?? one.created_at)}
@@ -76,7 +77,7 @@ function TrialRow({ trial }: { trial: Trial }) {
     try {
       const response = await fetch(addressOf(driveId, `/trials/${trial.id}`), { method: "DELETE" });
       if (!response.ok) throw await problemOf(response);
-      if (other.value?.id === trial.id) await compareWith(null);
+      if (other.value?.id === trial.id) compareWith(null, "", true);
       await lookAtTrials();
     } catch (error) {
       tellError(error);
@@ -93,7 +94,7 @@ function TrialRow({ trial }: { trial: Trial }) {
       <b>{trial.method}</b>{" "}
       <span class={trial.status === "failed" ? "error-text" : "quiet-text"}>{state}</span>{" "}
       {trial.status === "done" && other.value?.id !== trial.id && (
-        <button type="button" class="quiet" onClick={() => void compareWith("trial", trial.id)}>
+        <button type="button" class="quiet" onClick={() => compareWith("trial", trial.id)}>
           {t("drive.trial.compare", { method: trial.method })}
         </button>
       )}
@@ -222,7 +223,7 @@ function Beside() {
         {beside.kind === "drive" && (
           <a href={`/drives/${beside.id}`}>{t("drive.compare.open", { name: beside.name })}</a>
         )}{" "}
-        <button type="button" onClick={() => void compareWith(null)}>
+        <button type="button" onClick={() => compareWith(null)}>
           {t("drive.compare.stop")}
         </button>
       </p>

@@ -5,7 +5,7 @@ import { distance, duration, moment, number, size } from "../shared/format";
 import { t } from "../shared/texts";
 import { addressOf, type Drive, type Report } from "./data";
 import { Scrolled } from "./Scrolled";
-import { allFigures, sentencesOf, versionsOf, warningsOf } from "./sentences";
+import { allFigures, asksForAction, sentencesOf, versionsOf, warningsOf } from "./sentences";
 import { kinds, profile } from "./state";
 import { shares } from "./stretches";
 
@@ -54,17 +54,20 @@ export function Figures({ drive }: { drive: Drive }) {
   );
 }
 
-/** What a person should know or do, as the service says it. */
-export function Warnings({ drive }: { drive: Drive }) {
+/** What a person should know or do, as the service says it: what is to be done first. One line until it is opened. */
+export function Remarks({ drive }: { drive: Drive }) {
   const warnings = warningsOf(drive.report as Report | null);
   if (warnings.length === 0 && !drive.duplicate_of) return null;
+  const toDo = warnings.filter(asksForAction);
+  const others = warnings.filter((one) => !asksForAction(one));
   return (
-    <section class="card drive-warnings" aria-labelledby="warnings">
-      <h2 id="warnings" class="warn-text">
-        {t("drive.warnings", { n: Math.max(warnings.length, 1) })}
-      </h2>
+    <details class="card drive-remarks">
+      <summary>
+        <h2>{t("drive.remarks", { n: Math.max(warnings.length, 1) })}</h2>
+        {toDo.length > 0 && <span class="warn-text">{t("drive.remarks_to_do", { n: toDo.length })}</span>}
+      </summary>
       <ul>
-        {warnings.map((one) => (
+        {[...toDo, ...others].map((one) => (
           <li key={one}>{one}</li>
         ))}
       </ul>
@@ -73,7 +76,7 @@ export function Warnings({ drive }: { drive: Drive }) {
           <a href={`/drives/${drive.duplicate_of}`}>{t("drive.duplicate_of")}</a>
         </p>
       )}
-    </section>
+    </details>
   );
 }
 

@@ -1,6 +1,6 @@
 /** Where the drive went, over the roads by slope; the place under the pointer is that of the charts' cursor. */
 import { effect } from "@preact/signals";
-import { type GeoJSONSource, type Map as LibreMap, Marker } from "maplibre-gl";
+import { type GeoJSONSource, type Map as LibreMap, Marker, type PaddingOptions } from "maplibre-gl";
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { ChartLink } from "../shared/chart/lines";
 import { makeMap } from "../shared/maplibre";
@@ -11,8 +11,12 @@ import { wantedBounds } from "./state";
 import { type Kind, rowAt, rowNear } from "./stretches";
 import { boundsOf, TRACK, trackLines, withTrack } from "./trackLayers";
 
+/** Pixels around the track. */
+const MARGIN_PX = 40;
 /** Pixels from the track within which the pointer means it. */
 const REACH_PX = 24;
+
+type Bounds = [west: number, south: number, east: number, north: number];
 
 interface Shown {
   profile: Profile;
@@ -50,6 +54,12 @@ function linkUp(map: LibreMap, shown: () => Shown, link: ChartLink): () => void 
   return end;
 }
 
+/** Pixels to be left free on each side: below, those of the credit as well. */
+function room(map: LibreMap, px: number): PaddingOptions {
+  const credit = map.getContainer().querySelector<HTMLElement>(".maplibregl-ctrl-attrib")?.offsetHeight ?? 0;
+  return { top: px, right: px, bottom: px + credit, left: px };
+}
+
 export function TrackMap({ profile, kinds, other, link }: Shown & { link: ChartLink }) {
   const place = useRef<HTMLDivElement>(null);
   const map = useRef<LibreMap | null>(null);
@@ -64,7 +74,7 @@ export function TrackMap({ profile, kinds, other, link }: Shown & { link: ChartL
       const { map: drawnMap, gone } = await makeMap({
         container: place.current as HTMLElement,
         bounds: boundsOf(shown.current.profile),
-        fitBoundsOptions: { padding: 40, maxZoom: 17 },
+        fitBoundsOptions: { padding: MARGIN_PX, maxZoom: 17 },
         cooperativeGestures: matchMedia("(pointer: coarse)").matches,
         change: (style) => {
           const { profile, kinds, other } = shown.current;
@@ -88,6 +98,10 @@ export function TrackMap({ profile, kinds, other, link }: Shown & { link: ChartL
       });
       if (over) return gone();
       map.current = drawnMap;
+      const frame = (box: Bounds, maxPx: number) =>
+        drawnMap.fitBounds(box, { padding: room(drawnMap, maxPx), maxZoom: 17, animate: false });
+      // The credit is known when the tiles are: its height is left free then.
+      drawnMap.once("idle", () => wantedBounds.peek() ?? frame(boundsOf(shown.current.profile), MARGIN_PX));
       ends.push(
         linkUp(drawnMap, () => shown.current, link),
         gone,
@@ -95,7 +109,7 @@ export function TrackMap({ profile, kinds, other, link }: Shown & { link: ChartL
       ends.push(
         effect(() => {
           const box = wantedBounds.value;
-          if (box) drawnMap.fitBounds(box, { padding: 60, maxZoom: 17, animate: false });
+          if (box) frame(box, 60);
         }),
       );
     };

@@ -1,5 +1,6 @@
 /** Asks for what the page of a drive shows, again where it changes, and follows a drive that waits or runs. */
 import { batch } from "@preact/signals";
+import { goTo } from "../shared/address";
 import { ApiProblem } from "../shared/api";
 import { errorText, tellError } from "../shared/Messages";
 import { t } from "../shared/texts";
@@ -25,6 +26,7 @@ import {
   segments,
   sensors,
   trials,
+  wanted,
 } from "./state";
 
 const POLL_MS = 2000;
@@ -51,32 +53,25 @@ async function showResult(): Promise<void> {
   await showOther();
 }
 
-/** What the address asks to be shown beside it. */
+/** Show what the address asks for beside it. */
 async function showOther(): Promise<void> {
-  const asked = new URLSearchParams(location.search);
-  const trial = asked.get("trial");
-  const id = asked.get("with");
-  if (!trial && !id) {
+  const one = wanted.peek();
+  if (one === null) {
     other.value = null;
     return;
   }
-  const address = trial
-    ? addressOf(driveId, `/trials/${encodeURIComponent(trial)}`)
-    : addressOf(id as string);
+  const { kind, id } = one;
+  const address = kind === "trial" ? addressOf(driveId, `/trials/${encodeURIComponent(id)}`) : addressOf(id);
   try {
     const [theirs, rows, name] = await Promise.all([
       loadProfile(address, POINTS),
       loadSegments(address),
-      trial ? trialName(trial) : loadDrive(id as string).then((one) => one.filename),
+      kind === "trial" ? trialName(id) : loadDrive(id).then((drive) => drive.filename),
     ]);
-    other.value = {
-      kind: trial ? "trial" : "drive",
-      id: (trial ?? id) as string,
-      name,
-      profile: theirs,
-      segments: rows,
-    };
+    // By now something else may be asked for.
+    if (wanted.peek() === one) other.value = { kind, id, name, profile: theirs, segments: rows };
   } catch (error) {
+    if (wanted.peek() !== one) return;
     other.value = null;
     tellError(new ApiProblem(0, "", t("drive.compare.failed", { why: errorText(error) })));
   }
@@ -87,14 +82,13 @@ async function trialName(id: string): Promise<string> {
   return one ? one.method : t("drive.compare.trial");
 }
 
-/** Show another estimate beside, or none; the address says so. */
-export async function compareWith(kind: "drive" | "trial" | null, id = ""): Promise<void> {
+/** Show another estimate beside, or none; in place of what is there no more. */
+export function compareWith(kind: "drive" | "trial" | null, id = "", inPlace = false): void {
   const here = new URL(location.href);
   here.searchParams.delete("with");
   here.searchParams.delete("trial");
   if (kind) here.searchParams.set(kind === "drive" ? "with" : "trial", id);
-  history.pushState(null, "", here);
-  await showOther();
+  goTo(here.href, inPlace);
 }
 
 let asked: Promise<void> | null = null;
@@ -200,5 +194,7 @@ export async function open(): Promise<void> {
   if (now.status === "done") await lookAtTrials();
 }
 
-addEventListener("popstate", () => void showOther());
+wanted.subscribe(() => {
+  if (profile.peek()) void showOther();
+});
 link.range.subscribe(refineOnZoom);

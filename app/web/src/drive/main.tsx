@@ -11,7 +11,7 @@ import type { Drive, Profile } from "./data";
 import { look, open } from "./load";
 import { Contradictions } from "./Segments";
 import { Failed, Nothing, Waiting } from "./Status";
-import { Downloads, Figures, ReportCard, Warnings } from "./Summary";
+import { Downloads, Figures, Remarks, ReportCard } from "./Summary";
 import { drive, fullKinds, fullProfile, kinds, link, other, problem, profile, removed } from "./state";
 import { TrackMap } from "./TrackMap";
 import { KINDS } from "./trackLayers";
@@ -61,10 +61,10 @@ function Shown({ drive: now }: { drive: Drive }) {
       {(now.status === "queued" || now.status === "running") && <Waiting drive={now} />}
       {now.report !== null && (
         <>
-          <Warnings drive={now} />
           <div class="drive-top">
             {rows ? <Track profile={rows} /> : <div class="drive-map" />}
             <div class="drive-side">
+              <Remarks drive={now} />
               <section class="card" aria-labelledby="figures">
                 <h2 id="figures">{t("drive.figure.title")}</h2>
                 <Figures drive={now} />

@@ -28,9 +28,19 @@ const REPORT = {
 };
 
 describe("a report", async () => {
-  const { allFigures, sentencesOf, warningsOf } = await import("./sentences");
+  const { allFigures, asksForAction, sentencesOf, warningsOf } = await import("./sentences");
   const sentences = Object.fromEntries(sentencesOf(REPORT));
 
+  it("has remarks that ask for something, and others", () => {
+    expect(
+      asksForAction("Only 45% of the positions lie on known roads. Import a newer map, or check it."),
+    ).toBe(true);
+    expect(asksForAction("It moved. Look whether it was driven on another road beside.")).toBe(true);
+    expect(asksForAction("3 of 9 measurements of 'pitch' are far off and were given little weight.")).toBe(
+      false,
+    );
+    expect(asksForAction("The GNSS height jumped at 22:13:20 UTC; slopes do not follow it.")).toBe(false);
+  });
   it("is sentences in sentences", () => {
     expect(sentences["result"]).toContain("107 segments got a slope; half of them have a sigma below 0.3 %.");
     expect(sentences["result"]).toContain(

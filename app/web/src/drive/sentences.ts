@@ -334,6 +334,13 @@ export function warningsOf(report: Report | null): string[] {
   return Array.isArray(warnings) ? warnings.map(String).map(onPage) : [];
 }
 
+/** How sentences of the service begin that tell somebody what to do. */
+const ADVICE =
+  /(?:^|[.:;] |, or )(?:check|copy|drive|export|fix|give|import|look|name|pack|record|set|to retry|upload|use) /i;
+
+/** Whether a warning says what a person can do about it. */
+export const asksForAction = (warning: string) => ADVICE.test(warning);
+
 /** Every figure of a report with the way to it, `noise.pitch`, as text. */
 export function allFigures(report: Report): [string, string][] {
   const rows: [string, string][] = [];

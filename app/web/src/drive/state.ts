@@ -1,5 +1,6 @@
 /** What the page of a drive shows: each part of it reads from here, and `load.ts` writes. */
 import { computed, signal } from "@preact/signals";
+import { search } from "../shared/address";
 import { chartLink } from "../shared/chart/lines";
 import type { Drive, DriveSegment, Profile, Sensor, Trial } from "./data";
 import { kindsOf } from "./stretches";
@@ -13,6 +14,13 @@ export interface Other {
   segments: DriveSegment[];
 }
 
+/** What the address asks to be shown beside the drive. */
+export const wanted = computed(() => {
+  const asked = new URLSearchParams(search.value);
+  const [trial, drive] = [asked.get("trial"), asked.get("with")];
+  if (trial) return { kind: "trial" as const, id: trial };
+  return drive ? { kind: "drive" as const, id: drive } : null;
+});
 export const drive = signal<Drive | null>(null);
 /** The drive was removed while the page was open. */
 export const removed = signal(false);

@@ -41,21 +41,34 @@ function Search() {
   const field = useRef<HTMLInputElement>(null);
   const timer = useRef<ReturnType<typeof setTimeout> | undefined>(undefined);
   const searched = query.value.get("q") ?? "";
+  const written = useRef(searched);
+  // Whether the address has letters of what is being typed: the back button leads to the list before them.
+  const typing = useRef(false);
   useEffect(() => {
-    // Another address by the back button, but not while somebody types.
-    if (field.current && document.activeElement !== field.current) field.current.value = searched;
+    if (!field.current || searched === written.current) return;
+    // Another address than this field's, by the back button or a link.
+    clearTimeout(timer.current);
+    typing.current = false;
+    written.current = searched;
+    field.current.value = searched;
   }, [searched]);
-  const search = (inPlace: boolean) => {
+  const search = () => {
     clearTimeout(timer.current);
     const text = (field.current?.value ?? "").trim();
-    // The back button leads to the list before the search, not letter by letter.
-    if (text !== searched) go(addressWith({ q: text }), inPlace && searched !== "");
+    if (text === searched) return;
+    written.current = text;
+    go(addressWith({ q: text }), typing.current);
+    typing.current = true;
+  };
+  const end = () => {
+    search();
+    typing.current = false;
   };
   return (
     <form
       onSubmit={(event) => {
         event.preventDefault();
-        search(false);
+        end();
       }}
     >
       <label>
@@ -68,8 +81,9 @@ function Search() {
           placeholder={t("drives.search_example")}
           onInput={() => {
             clearTimeout(timer.current);
-            timer.current = setTimeout(() => search(true), TYPING_MS);
+            timer.current = setTimeout(search, TYPING_MS);
           }}
+          onBlur={end}
         />
       </label>
     </form>

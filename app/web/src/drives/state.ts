@@ -1,6 +1,7 @@
 /** The list as the address says it: the page's query is the one that the service is asked with, so a reload changes nothing. */
 import { computed, effect, signal } from "@preact/signals";
 import type { components } from "../api/schema";
+import { goTo, search } from "../shared/address";
 import { getJson } from "../shared/api";
 import type { Drive } from "../shared/drives";
 import { Follower } from "../shared/following";
@@ -15,15 +16,15 @@ type Parameter = (typeof FILTERS)[number] | "sort" | "order" | "after" | "before
 const KNOWN: readonly string[] = [...FILTERS, "sort", "order", "after", "before"];
 const PER_PAGE = "50";
 
-export const query = signal(read());
+export const query = computed(() => read(search.value));
 export const drives = signal<Drive[] | null>(null);
 export const links = signal<Listed["links"]>([]);
 export const problem = signal<unknown>(null);
 export const loading = signal(false);
 export const selected = signal<ReadonlySet<string>>(new Set());
 
-function read(): URLSearchParams {
-  const given = new URLSearchParams(location.search);
+function read(asked: string): URLSearchParams {
+  const given = new URLSearchParams(asked);
   for (const [name, value] of [...given]) if (!KNOWN.includes(name) || value === "") given.delete(name);
   return given;
 }
@@ -54,12 +55,8 @@ export function addressWith(changes: Partial<Record<Parameter, string | null>>):
   return next.size > 0 ? `/drives?${next}` : "/drives";
 }
 
-/** Show another part of the list; typing changes the address in its place. */
-export function go(address: string, inPlace = false): void {
-  if (inPlace) history.replaceState(null, "", address);
-  else history.pushState(null, "", address);
-  query.value = read();
-}
+/** Show another part of the list. */
+export const go = goTo;
 
 /** The address of the next or previous page; null: there is none. */
 export function pageTo(rel: "next" | "prev"): string | null {
@@ -111,9 +108,6 @@ const follower = new Follower<string>({
 
 /** Begin: once, by the page. */
 export function begin(): void {
-  addEventListener("popstate", () => {
-    query.value = read();
-  });
   effect(() => {
     query.value; // whatever changes it
     void load();

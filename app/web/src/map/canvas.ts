@@ -13,6 +13,7 @@ import {
 } from "maplibre-gl";
 import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?url";
 import "maplibre-gl/dist/maplibre-gl.css";
+import "../shared/maplibre.css";
 import { effect } from "@preact/signals";
 import { showPointed } from "../segment/pointed";
 import { getJson } from "../shared/api";
@@ -24,11 +25,24 @@ import { theme } from "../shared/theme";
 import { lettersOf, over } from "./background";
 import type { Asked, Counted } from "./count";
 import { breaksOf } from "./count";
+import { cameraOf, isSeen } from "./free";
 import { type Kept, ofKept } from "./keeping";
 import { Freshness, stayNew, tilesInView } from "./live";
 import { nearest } from "./picking";
 import { counts, legend } from "./shown";
-import { type Box, choices, colour, layer, movedBy, opened, type Place, selected, view } from "./state";
+import {
+  type Box,
+  choices,
+  colour,
+  flyTo,
+  layer,
+  movedBy,
+  opened,
+  type Place,
+  type Position,
+  selected,
+  view,
+} from "./state";
 import { drawn, isRoad, type OwnStyle, ownStyle, SOURCE, showsUnknown } from "./style";
 import { LEAST_ZOOM, type Tile, tileOf, tileUrl } from "./tiles";
 
@@ -158,23 +172,32 @@ function followState(map: MapLibre, styleOf: (own: OwnStyle) => StyleSpecificati
 
 /** Where the map is goes into the state, and others can move it. */
 function moves(map: MapLibre): void {
-  const tell = () => {
-    const { lng, lat } = map.getCenter();
-    view.value = { lon: lng, lat, zoom: map.getZoom() };
+  const tell = ({ lng, lat } = map.getCenter(), zoom = map.getZoom()) => {
+    view.value = { lon: lng, lat, zoom };
   };
-  const go = (place: Place, atOnce: boolean) => {
-    const motion = atOnce || still.matches ? { duration: 0 } : { duration: 800 };
-    if ("bbox" in place) map.fitBounds(place.bbox, { padding: 60, maxZoom: 17, ...motion });
-    else
-      map.easeTo({
-        center: [place.lon, place.lat],
-        ...(place.zoom === undefined ? {} : { zoom: place.zoom }),
-        ...motion,
-      });
+  const go = (place: Place, atOnce = still.matches): void => {
+    const camera = cameraOf(map, place);
+    if (!camera) return;
+    map.stop();
+    // The address says at once where the map goes: in a window that nobody sees a flight never ends.
+    tell(camera.center, camera.zoom);
+    if (atOnce) map.jumpTo(camera);
+    else map.flyTo({ ...camera, duration: 800 });
   };
-  map.on("moveend", tell);
+  const reveal = (box: Box, line: readonly Position[]): void => {
+    if (map.isMoving()) return void map.once("moveend", () => reveal(box, line));
+    const camera = cameraOf(map, { bbox: box }, true);
+    if (camera && !isSeen(map, line, camera.zoom))
+      map.easeTo({ ...camera, duration: still.matches ? 0 : 300 });
+  };
+  map.on("moveend", () => tell());
   tell();
-  const waiting = movedBy(go);
+  const waiting = movedBy({
+    // A panel that opens with the same click is there in a moment, and lies over the map.
+    fly: (place) => setTimeout(go, 0, place),
+    back: ({ lon, lat, zoom }) => map.jumpTo({ center: [lon, lat], zoom }),
+    reveal,
+  });
   if (waiting) go(waiting, true);
 }
 
@@ -192,12 +215,9 @@ function clicks(map: MapLibre, singlesFrom: () => number): void {
     const hit = at(point, reach);
     if (layer.value === "segments" && map.getZoom() < singlesFrom()) {
       if (!hit) return;
-      map.once("idle", () => select(map.project(map.getCenter()), FINGER_PX));
-      map.easeTo({
-        center: map.unproject([point.x, point.y]),
-        zoom: singlesFrom() + 1,
-        duration: still.matches ? 0 : 600,
-      });
+      const { lng: lon, lat } = map.unproject([point.x, point.y]);
+      map.once("moveend", () => map.once("idle", () => select(map.project([lon, lat]), FINGER_PX)));
+      flyTo({ lon, lat, zoom: singlesFrom() + 1 });
       return;
     }
     selected.value = hit === null ? null : { kind: layer.value === "ways" ? "way" : "segment", id: hit };

@@ -2,6 +2,7 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Panel } from "../segment/Panel";
 import { Search } from "../segment/Search";
+import { goTo } from "../shared/address";
 import { tellError } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
 import { may } from "../shared/session";
@@ -11,7 +12,7 @@ import { KeptNotice } from "./KeptMaps";
 import { type Kept, searchOf } from "./keeping";
 import { Legend } from "./Legend";
 import { kept, legend, segmentsFrom } from "./shown";
-import { colour, flyTo, keepAddress, keptId, layer, opened, selected } from "./state";
+import { colour, keepAddress, keptId, layer } from "./state";
 import { type OwnStyle, ownStyle } from "./style";
 import "./map.css";
 
@@ -23,18 +24,6 @@ const keeping = keptId === null ? null : import("./kept");
 type Found = "waiting" | "roads" | "nothing";
 const content = signal<Found>("waiting");
 
-/** Where what a link selects is, where the link does not say. */
-async function showSelected(): Promise<void> {
-  const one = selected.value;
-  if (!one || opened.view || opened.box) return;
-  const answer = await fetch(`/collections/${one.kind}s/items/${one.id}?f=json`);
-  if (!answer.ok) return;
-  const { geometry } = (await answer.json()) as { geometry: { coordinates: [number, number][] } };
-  const lons = geometry.coordinates.map(([lon]) => lon);
-  const lats = geometry.coordinates.map(([, lat]) => lat);
-  flyTo({ bbox: [Math.min(...lons), Math.min(...lats), Math.max(...lons), Math.max(...lats)] });
-}
-
 /** The kept map that the address asks for; where it cannot be had that is told, and today's is shown. */
 async function asked(): Promise<Kept | null> {
   if (keptId === null || keeping === null) return null;
@@ -42,7 +31,7 @@ async function asked(): Promise<Kept | null> {
     return await (await keeping).openKept(keptId);
   } catch (error) {
     tellError(error);
-    history.replaceState(null, "", location.pathname + searchOf(null));
+    goTo(location.pathname + searchOf(null), true);
     return null;
   }
 }
@@ -60,7 +49,6 @@ async function open(place: HTMLElement): Promise<void> {
   const { backgroundStyle, openMap } = await library;
   openMap(place, own, await backgroundStyle(), kept.value);
   keepAddress();
-  await showSelected();
 }
 
 function Nothing() {

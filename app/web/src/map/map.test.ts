@@ -1,6 +1,7 @@
 import { describe, expect, it, vi } from "vitest";
 
-vi.stubGlobal("location", { search: "", origin: "http://127.0.0.1", pathname: "/map" });
+vi.stubGlobal("addEventListener", () => undefined);
+vi.stubGlobal("location", { search: "", hash: "", origin: "http://127.0.0.1", pathname: "/map" });
 vi.stubGlobal("document", { querySelector: () => null, documentElement: { dataset: {} } });
 vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener: () => undefined }));
 

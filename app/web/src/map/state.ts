@@ -1,11 +1,12 @@
 /**
- * What the map shows, and its address: a link reproduces the view, the back button leads to the one before.
+ * What the map shows, and its address, by the rule of `shared/address.ts`.
  *
  * `?at=14.2/49.41/8.69&colour=difference&layer=ways&classes=5,8,unknown&sigma=0.5&drives=2&segment=17`; what is as usual
  * is left out. Others lead here by `?segment=17`, `?way=3`, `?at=` or `?bbox=west,south,east,north`. `export=` names a kept
  * map that is shown in place of today's.
  */
-import { effect, signal } from "@preact/signals";
+import { batch, effect, signal } from "@preact/signals";
+import { goTo, search as query } from "../shared/address";
 
 export type Colour = "steepness" | "elevation-model" | "difference" | "certainty";
 export const COLOURS: readonly Colour[] = ["steepness", "elevation-model", "difference", "certainty"];
@@ -21,6 +22,7 @@ export interface View {
   zoom: number;
 }
 export type Box = [west: number, south: number, east: number, north: number];
+export type Position = [lon: number, lat: number];
 export type Place = { lon: number; lat: number; zoom?: number } | { bbox: Box };
 
 /** The segment or way that is looked at. */
@@ -145,41 +147,73 @@ export function choices(): State {
 /** The state as it is. */
 export const present = (): State => ({ ...choices(), view: view.value });
 
-/** Keep the address up to date; a new place replaces the last one, anything else can be gone back from. */
+// A place was chosen, and the map is on its way there.
+let placeChosen = false;
+
+/** Keep the address up to date, and show what it says whenever Back, Forward or a link changed it. */
 export function keepAddress(): void {
-  let before = "";
-  effect(() => {
+  let before: string | null = null;
+  let waiting = false;
+  const write = () => {
+    waiting = false;
     const now = present();
     if (now.view === null) return;
-    const chosen = address({ ...now, view: null }, "");
-    const text = address(now, location.search);
-    if (text !== location.search) {
-      const here = location.pathname + text;
-      if (before !== "" && (chosen || "?") !== before) history.pushState(null, "", here);
-      else history.replaceState(history.state, "", here);
-    }
-    before = chosen || "?";
+    const chosen = address(choices(), "");
+    const entry = before !== null && (placeChosen || chosen !== before);
+    before = chosen;
+    placeChosen = false;
+    goTo(location.pathname + address(now, location.search), !entry);
+  };
+  effect(() => {
+    present();
+    // All that one click changes is one step.
+    if (!waiting) queueMicrotask(write);
+    waiting = true;
   });
-  addEventListener("popstate", () => {
-    const state = parsed(location.search);
-    before = address({ ...state, view: null }, "") || "?";
-    if (state.view) flyTo({ ...state.view }, true);
-    apply(state);
+  let opening = true;
+  query.subscribe((text) => {
+    const state = parsed(text);
+    if (opening || address(state, "") === address(present(), "")) return;
+    batch(() => apply(state));
+    before = address(choices(), "");
+    if (state.view) moves?.back(state.view);
   });
+  opening = false;
 }
 
-type Mover = (place: Place, atOnce: boolean) => void;
-let mover: Mover | null = null;
+interface Moves {
+  /** Fly to a place that is then seen. */
+  fly: (place: Place) => void;
+  /** Be where it was. */
+  back: (view: View) => void;
+  /** Move where something lies over the line, around which the box is. */
+  reveal: (box: Box, line: readonly Position[]) => void;
+}
+let moves: Moves | null = null;
 let waiting: Place | null = null;
+// A link names what is selected, and not where it is.
+let unplaced = opened.selected !== null && opened.view === null && opened.box === null;
 
-/** Show a place; before the map is open, it opens there. */
-export function flyTo(place: Place, atOnce = false): void {
-  if (mover) mover(place, atOnce);
+/** Show a place that somebody chose. */
+export function flyTo(place: Place): void {
+  placeChosen = moves !== null;
+  fly(place);
+}
+
+/** Show a line that was selected; `far` away it is flown to. */
+export function showSelected(box: Box, line: readonly Position[], far = false): void {
+  if (far || unplaced) fly({ bbox: box });
+  else moves?.reveal(box, line);
+}
+
+function fly(place: Place): void {
+  unplaced = false;
+  if (moves) moves.fly(place);
   else waiting = place;
 }
 
-/** The map is open and moves by this; where it was to go meanwhile. */
-export function movedBy(move: Mover): Place | null {
-  mover = move;
+/** The map is open and moves so; where it was to go meanwhile. */
+export function movedBy(how: Moves): Place | null {
+  moves = how;
   return waiting;
 }

@@ -1,6 +1,7 @@
 /** One segment: its slope in words, where it is steepest, how sure that is, its heights, and the drives behind it. */
 import type { ComponentChildren } from "preact";
-import { flyTo } from "../map/state";
+import { useEffect } from "preact/hooks";
+import { flyTo, showSelected } from "../map/state";
 import { distance, moment, number, slope } from "../shared/format";
 import { tellDone, tellError } from "../shared/Messages";
 import { may } from "../shared/session";
@@ -8,6 +9,7 @@ import { t } from "../shared/texts";
 import { choose } from "./choosing";
 import { Drives, DrivesAfterLogin } from "./Drives";
 import {
+  boxOf,
   loadProfile,
   loadSegment,
   type Profile,
@@ -87,6 +89,7 @@ interface ShownProps {
 
 function Shown({ segment, profile, children }: ShownProps) {
   const of = segment.properties;
+  useEffect(() => showSelected(boxOf([segment]), segment.geometry.coordinates), [segment]);
   const [from, to] = [segment.geometry.coordinates[0], segment.geometry.coordinates.at(-1)];
   if (!from || !to) return null;
   const towards = compass(from, to);
@@ -153,10 +156,7 @@ function Shown({ segment, profile, children }: ShownProps) {
         <button type="button" onClick={() => chooseWay(segment)}>
           {t("segment.whole_way")}
         </button>
-        <button
-          type="button"
-          onClick={() => flyTo({ lon: (from[0] + to[0]) / 2, lat: (from[1] + to[1]) / 2, zoom: 17 })}
-        >
+        <button type="button" onClick={() => flyTo({ bbox: boxOf([segment]) })}>
           {t("segment.fly")}
         </button>
       </div>

@@ -1,6 +1,6 @@
 /** A way: its slope by length, where it is steepest, how much of it was measured, and its segments. */
 import { useEffect, useState } from "preact/hooks";
-import { flyTo } from "../map/state";
+import { flyTo, showSelected } from "../map/state";
 import { distance, moment, number, slope } from "../shared/format";
 import { errorText } from "../shared/Messages";
 import { t } from "../shared/texts";
@@ -34,6 +34,7 @@ export function WayView({ id }: { id: number }) {
 
 function Shown({ way }: { way: Way }) {
   const of = way.properties;
+  useEffect(() => showSelected(boxOf([way]), way.geometry.coordinates), [way]);
   const [from, to] = [way.geometry.coordinates[0], way.geometry.coordinates.at(-1)];
   if (!from || !to) return null;
   const unknown = of.slope_percent === null;

@@ -1,5 +1,5 @@
 /** What the service has for what was written: each result says what it is and goes there. */
-import { flyTo, view } from "../map/state";
+import { flyTo, showSelected, view } from "../map/state";
 import { ApiProblem } from "../shared/api";
 import { distance, number } from "../shared/format";
 import { t } from "../shared/texts";
@@ -26,16 +26,18 @@ const MOST_WAYS = 8;
 const MOST_NAMES = 6;
 const NAMED_AT_ONCE = 50;
 
+function goTo(kind: "segment" | "way", road: Segment | Way): void {
+  choose(kind, road.id);
+  showSelected(boxOf([road]), road.geometry.coordinates, true);
+}
+
 function ofSegment(segment: Segment): Result {
   const of = segment.properties;
   return {
     key: `segment ${segment.id}`,
     label: t("segment.title", { id: String(segment.id) }),
     detail: [of.name ?? t("segment.unnamed"), roadClass(of.highway), distance(of.length_m)].join(" · "),
-    go: () => {
-      flyTo({ bbox: boxOf([segment]) });
-      choose("segment", segment.id);
-    },
+    go: () => goTo("segment", segment),
   };
 }
 
@@ -45,10 +47,7 @@ function ofWay(way: Way): Result {
     key: `way ${way.id}`,
     label: t("segment.way_title", { id: String(of.osm_way_id) }),
     detail: [of.name ?? t("segment.unnamed"), roadClass(of.highway), distance(of.length_m)].join(" · "),
-    go: () => {
-      flyTo({ bbox: boxOf([way]) });
-      choose("way", way.id);
-    },
+    go: () => goTo("way", way),
   };
 }
 
@@ -80,13 +79,11 @@ function byWay(segments: readonly Segment[]): Result[] {
           t("segment.away", { far: distance(metres) }),
         ].join(" · "),
         go: async () => {
-          flyTo({ bbox: boxOf(some) });
-          const way = wayThrough(
-            await waysOf(osmWay, new AbortController().signal),
-            (some[0] as Segment).geometry.coordinates[0] as [number, number],
-          );
-          if (way) choose("way", way.id);
-          else choose("segment", (some[0] as Segment).id);
+          const segment = some[0] as Segment;
+          const ways = await waysOf(osmWay, new AbortController().signal);
+          const way = wayThrough(ways, segment.geometry.coordinates[0] as [number, number]);
+          if (way) goTo("way", way);
+          else goTo("segment", segment);
         },
       };
     });

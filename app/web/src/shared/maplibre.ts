@@ -10,6 +10,7 @@ import {
 } from "maplibre-gl";
 import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?url";
 import "maplibre-gl/dist/maplibre-gl.css";
+import "./maplibre.css";
 import { getJson } from "./api";
 import { ledToLogin } from "./session";
 import { type Theme, theme } from "./theme";

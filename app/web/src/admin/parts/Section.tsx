@@ -1,9 +1,9 @@
 /** A part of the page that can be folded away; what is in it is read only while it is open. */
 import type { ComponentChildren, ComponentType } from "preact";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
+import { lookedAt, useFold } from "../../shared/address";
 import { moment } from "../../shared/format";
 import { t } from "../../shared/texts";
-import { wantedSection } from "../page_state";
 import type { Reading } from "../reading";
 import type { Answer } from "../types";
 
@@ -17,21 +17,22 @@ interface SectionProps {
 
 export function Section({ id, title, open: atFirst, Content }: SectionProps) {
   const place = useRef<HTMLDetailsElement>(null);
-  const wanted = wantedSection.value;
-  const [open, setOpen] = useState(atFirst || wanted.id === id);
+  const [open, fold] = useFold(id, atFirst);
+  const looked = lookedAt.value === id;
   useEffect(() => {
-    if (wanted.id !== id) return;
-    setOpen(true);
+    const head = place.current?.querySelector("summary");
+    // Whoever opened it by its head is there already.
+    if (!looked || !head || head === document.activeElement) return;
     place.current?.scrollIntoView();
-    place.current?.querySelector("summary")?.focus();
-  }, [wanted, id]);
+    head.focus();
+  }, [looked]);
   return (
     <details
       class="part"
       id={id}
       ref={place}
       open={open}
-      onToggle={(event) => setOpen(event.currentTarget.open)}
+      onToggle={(event) => event.currentTarget.open !== open && fold(event.currentTarget.open)}
     >
       <summary>
         <h2>{title}</h2>
