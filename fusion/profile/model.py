@@ -246,7 +246,7 @@ def linear_model(
 ) -> LinearModel:
     """The model for the filter, with the ``variance`` of each measurement (m,) and sudden changes at ``jumps``."""
     dt, ds = epochs.steps
-    transition = {(state, state): np.ones(len(dt)) for state in range(STATES)}
+    transition = {(state, state): np.broadcast_to(1.0, len(dt)) for state in range(STATES)}
     transition |= grades_carried(epochs, noise.grade_length_m)
     transition[DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
     transition[WANDER, WANDER] = np.exp(-dt / WANDER_TAU_S)

@@ -38,7 +38,7 @@ from fusion.profile.model import (
     white_variance,
 )
 from fusion.profile.prior import Prior
-from fusion.types import Bools, Floats
+from fusion.types import Bools, Floats, Ints
 
 FIRST_ROUNDS, ROUNDS = 3, 3
 """Rounds of rough steps from wherever the levels start, and rounds of likely levels, weights and sudden changes after
@@ -138,10 +138,11 @@ def _levels(
         usual = gaussian_variance(measured, noise)
         variance = usual / weight
         model = linear_model(measured, epochs, noise, variance, jumps)
-        smoothed = model.smooth() if paired else model.scores()
+        springs = _Springs.of(measured, epochs, noise) if paired else None
+        smoothed = model.smooth(springs.look) if springs else model.scores()
         jumps = _with_jump(epochs, smoothed, jumps)
-        if isinstance(smoothed, Smoothed):
-            noise = noise.with_(**_shared(measured, epochs, noise, smoothed, variance))
+        if springs:
+            noise = noise.with_(**springs.shared(smoothed, variance))
         square = np.maximum(normalised_square(smoothed, variance, usual), 1e-9)
         weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _outlier_factor(square) * counts
     return noise, jumps, variance, smoothed, weight
@@ -213,23 +214,48 @@ def _with_jump(epochs: SmootherEpochs, smoothed: Scores, jumps: Jumps) -> Jumps:
     return tuple(extended)
 
 
-def _shared(
-    measured: Measurements, epochs: SmootherEpochs, noise: Noise, smoothed: Smoothed, variance: Floats
-) -> dict[str, float]:
-    """The share of the pitch's error in the force beside it, by regression of the errors expected given everything."""
-    partner = pitch_partner(measured)
-    force = np.flatnonzero(partner >= 0)
-    if len(force) <= 20:
-        return {}
-    pitch = partner[force]
-    error = variance * smoothed.residual / smoothed.residual_variance
-    seen = design(measured, decorrelated(measured, noise)[1])
-    covariance = smoothed.covariance[epochs.of_measurement[force]]
-    both = error[force] * error[pitch] + np.einsum("mi,mij,mj->m", seen[force], covariance, seen[pitch])
-    alone = error[pitch] ** 2 + np.einsum("mi,mij,mj->m", seen[pitch], covariance, seen[pitch])
-    # The force holds what is left after ``shared`` of the pitch was taken off.
-    left = float(np.sum(both) / (np.sum(alone) + _SHARED_PRIOR_COUNT * noise.pitch**2))
-    return {"shared": float(np.clip(noise.shared + left, 0.0, 0.9))}
+@dataclass(frozen=True, eq=False)
+class _Springs:
+    """The share of the pitch's error in the force beside it, by regression of the errors expected given everything.
+
+    ``force`` and ``pitch`` (p,) are the measurements, ``seen`` (m, states) what each measurement sees; ``together`` (2,
+    p) are, once the smoother has shown covariances, what these make of both errors and of that of the pitch alone.
+    """
+
+    noise: Noise
+    force: Ints
+    pitch: Ints
+    seen: Floats
+    epoch: Ints
+    together: Floats
+
+    @classmethod
+    def of(cls, measured: Measurements, epochs: SmootherEpochs, noise: Noise) -> _Springs:
+        """Before the smoother has run."""
+        partner = pitch_partner(measured)
+        force = np.flatnonzero(partner >= 0)
+        seen = design(measured, decorrelated(measured, noise)[1])
+        epoch, together = epochs.of_measurement[force], np.zeros((2, len(force)))
+        return cls(noise, force, partner[force], seen, epoch, together)
+
+    def look(self, piece: slice, covariance: Floats) -> None:
+        """See ``smoother.Look``."""
+        mine = slice(*np.searchsorted(self.epoch, [piece.start, piece.stop]))
+        at = covariance[self.epoch[mine] - piece.start]
+        pitch = self.seen[self.pitch[mine]]
+        for out, one in zip(self.together, (self.seen[self.force[mine]], pitch), strict=True):
+            out[mine] = np.einsum("mi,mij,mj->m", one, at, pitch)
+
+    def shared(self, smoothed: Scores, variance: Floats) -> dict[str, float]:
+        """The level, from what it was in ``noise`` on."""
+        if len(self.force) <= 20:
+            return {}
+        error = variance * smoothed.residual / smoothed.residual_variance
+        both = error[self.force] * error[self.pitch] + self.together[0]
+        alone = error[self.pitch] ** 2 + self.together[1]
+        # The force holds what is left after ``shared`` of the pitch was taken off.
+        left = float(np.sum(both) / (np.sum(alone) + _SHARED_PRIOR_COUNT * self.noise.pitch**2))
+        return {"shared": float(np.clip(self.noise.shared + left, 0.0, 0.9))}
 
 
 def _correlation_inflation(measured: Measurements, smoothed: Scores, variance: Floats) -> Floats:
