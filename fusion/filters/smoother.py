@@ -144,10 +144,8 @@ class _Packed:
 
     def at_levels(self, noise: Entries, transition: Entries, variance: Floats) -> _Packed:
         """See ``LinearModel.at_levels``."""
-        carried, shaken = self.lanes.carried.copy(), self.lanes.shaken.copy()
-        for known, columns, entries in ((self.carried, carried, transition), (self.shaken, shaken, noise)):
-            for pair in entries.keys() & known.keys():
-                columns[:, known[pair]] = entries[pair]
+        carried = _with_columns(self.lanes.carried, self.carried, transition)
+        shaken = _with_columns(self.lanes.shaken, self.shaken, noise)
         return replace(self, lanes=self.lanes._replace(carried=carried, shaken=shaken, variance=variance))
 
     def run(self, followed: int = -1, mean: Floats = _NOWHERE, keep: Look | None = None) -> Scores:
@@ -234,6 +232,15 @@ def _forward(
     none, w = np.empty(0), len(lanes.width)
     room = none, none, np.empty((0, w)), np.empty((0, w + 1))
     return float(run_forward(lanes, piece.start > 0, x, p, 0, mean, covariance, *room))
+
+
+def _with_columns(columns: Floats, known: Mapping[tuple[int, int], int], entries: Entries) -> Floats:
+    """The columns with other values of those entries that are among them."""
+    pairs = entries.keys() & known.keys()
+    changed = columns.copy() if pairs else columns
+    for pair in pairs:
+        changed[:, known[pair]] = entries[pair]
+    return changed
 
 
 def _columns(

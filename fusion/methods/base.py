@@ -6,7 +6,7 @@ those that lean on the elevation model (``OF_TERRAIN``), which a new one of that
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
@@ -71,10 +71,11 @@ class DriveResult:
     track: Track
     slopes: tuple[SegmentSlope, ...]
     report: dict[str, Any]
-    factors: tuple[PassFactor, ...] = ()
+    factors: Sequence[PassFactor] = ()
     measurements: DrawnMeasurements | None = None
-    late_by: Callable[[float], tuple[PassFactor, ...]] | None = None
-    """The factors anew if the log's altimeter is so many seconds late, where it has one"""
+    late_by: Callable[..., Sequence[PassFactor]] | None = None
+    """``late_by(lag_s)``, or ``late_by(lag_s, progress)``: the factors anew if the log's altimeter is so many seconds
+    late, where it has one"""
 
 
 class Options(OptionsModel):

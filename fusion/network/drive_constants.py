@@ -29,8 +29,10 @@ ROUNDING = 1e-9
 
 PASSES_AT_ONCE = 1 << 14
 """What they say is made of so many passes at once."""
+WHOLE_UP_TO = 300
+"""Constants of so many keys, of an hour and more, are stored as a whole triangle, as those of all drives once were."""
 _ENTRIES = -1.0
-"""The first number of what is stored as entries; the count of keys was the first before."""
+"""The first number of what is stored as entries; the count of keys is that of a whole triangle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,7 @@ class ConstantsInformation:
         every = np.stack([np.broadcast_to(np.arange(len(CONSTANTS)), setting.shape), setting], axis=2)
         keys, number = _unique_keys(every.reshape(-1, 2))
         number = number.reshape(setting.shape)
-        vector = np.bincount(number.ravel(), right.ravel(), len(keys))
+        vector = np.asarray(np.bincount(number.ravel(), right.ravel(), len(keys)), float)
         one, a, b = np.nonzero(said)
         spoken = SymmetricEntries.of(len(keys), number[one, a], number[one, b], said[one, a, b])
         return cls(keys, spoken, vector)._at(np.flatnonzero(spoken.diagonal() > 0))
@@ -131,21 +133,21 @@ class ConstantsInformation:
         return information, vector
 
     def encode(self) -> bytes:
-        """As little-endian doubles: ``_ENTRIES``, how many keys and entries of the upper triangle, keys, vector, and
-        those entries' rows, columns and values."""
-        row, column, value = self.information.row, self.information.column, self.information.value
-        upper = row <= column
-        numbers = [
-            np.array([_ENTRIES, len(self.keys), np.count_nonzero(upper)]),
-            self.keys.ravel(),
-            self.vector,
-            *(one[upper] for one in (row, column, value)),
-        ]
+        """As little-endian doubles: how many keys, keys, vector, upper triangle; of many keys ``_ENTRIES``, how many
+        keys and entries, keys, vector, and rows, columns and values of the upper triangle's entries."""
+        n, parts = len(self.keys), self.information
+        if n <= WHOLE_UP_TO:
+            upper = parts.dense(np.arange(n), np.arange(n))[np.triu_indices(n)]
+            numbers = [np.array([n]), self.keys.ravel(), self.vector, upper]
+        else:
+            told = parts.row <= parts.column
+            numbers = [np.array([_ENTRIES, n, np.count_nonzero(told)]), self.keys.ravel(), self.vector]
+            numbers += [one[told] for one in (parts.row, parts.column, parts.value)]
         return np.concatenate(numbers).astype("<f8").tobytes()
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
-        """The inverse of ``encode``, bit for bit; of the whole upper triangle as well, as it once was stored."""
+        """The inverse of ``encode``, bit for bit."""
         values = np.frombuffer(data, "<f8").astype(np.float64)
         if values[0] != _ENTRIES:
             n = int(values[0])

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from operator import attrgetter
-from typing import Any, Self
+from typing import Any, Self, overload
 
 import numpy as np
 
 from fusion.arrays import ColumnTable
 from fusion.network.pass_factor import NUISANCES, PassFactor
 from fusion.types import Bools, Floats, Ints
+
+PACKED_AT_ONCE = 1 << 14
+"""So many passes of a long drive are there at once: those of eight hours on ordinary roads."""
 
 
 def in_order(drives: Mapping[int, Sequence[PassFactor]]) -> tuple[list[int], list[PassFactor]]:
@@ -89,6 +92,67 @@ class PassColumns(ColumnTable):
         names, first = np.unique(self.drive, return_index=True)
         ends = [*first.tolist(), len(self)]
         return names.tolist(), [slice(a, b) for a, b in pairwise(ends)]
+
+
+class PackedPasses(Sequence[PassFactor]):
+    """The passes of a long drive in their stored form, a quarter as large: each is decoded where it is asked for."""
+
+    def __init__(self, table: PassColumns, stored: Sequence[bytes]) -> None:
+        """``stored`` (m,) are the passes of the table, as by ``PassFactor.encode``."""
+        self.table, self.stored = table, stored
+
+    @classmethod
+    def of(cls, portions: Iterable[Sequence[PassFactor]]) -> Self:
+        """Of passes in order, of which never are more there than one portion."""
+        tables, stored = [], list[bytes]()
+        for portion in portions:
+            tables.append(PassColumns.in_order([0] * len(portion), portion))
+            stored += PassFactor.encode_all(portion)
+        return cls(PassColumns.of({}).joined(*tables), stored)
+
+    def __len__(self) -> int:
+        return len(self.stored)
+
+    @overload
+    def __getitem__(self, at: int) -> PassFactor: ...
+    @overload
+    def __getitem__(self, at: slice) -> PackedPasses: ...
+    def __getitem__(self, at: int | slice) -> PassFactor | PackedPasses:
+        if isinstance(at, slice):
+            return PackedPasses(self.table.take(np.arange(len(self))[at]), self.stored[at])
+        return self.decoded([range(len(self))[at]])[0]
+
+    def __iter__(self) -> Iterator[PassFactor]:
+        for first in range(0, len(self), PACKED_AT_ONCE):
+            yield from self.decoded(range(first, min(first + PACKED_AT_ONCE, len(self))))
+
+    def decoded(self, rows: Iterable[int]) -> list[PassFactor]:
+        """Those of these rows."""
+        segment, sequence = self.table.segment, self.table.sequence
+        return PassFactor.decode_all([(self.stored[k], int(segment[k]), int(sequence[k])) for k in rows])
+
+    def over(self, segment: Ints) -> PackedPasses:
+        """The same passes by other numbers (m,) of their segments."""
+        return PackedPasses(replace(self.table, segment=segment), self.stored)
+
+
+def table_of(passes: Sequence[PassFactor]) -> PassColumns:
+    """The table of one drive's passes."""
+    return (
+        passes.table if isinstance(passes, PackedPasses) else PassColumns.in_order([0] * len(passes), passes)
+    )
+
+
+def portions_of(passes: Sequence[PassFactor]) -> Iterator[tuple[slice, Sequence[PassFactor]]]:
+    """A drive's passes by the ten thousand."""
+    for first in range(0, len(passes), PACKED_AT_ONCE):
+        some = slice(first, first + PACKED_AT_ONCE)
+        yield some, passes[some]
+
+
+def encoded(passes: Sequence[PassFactor]) -> Sequence[bytes]:
+    """``PassFactor.encode`` of all."""
+    return passes.stored if isinstance(passes, PackedPasses) else PassFactor.encode_all(passes)
 
 
 _KINDS = {"Ints": np.int64, "Floats": np.float64}

@@ -7,7 +7,9 @@ breaks with the model.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 from scipy.special import gammaln
@@ -38,7 +40,7 @@ from fusion.profile.model import (
     white_variance,
 )
 from fusion.profile.prior import Prior
-from fusion.types import Bools, Floats, Ints
+from fusion.types import Bools, Floats, Ints, Progress, no_progress
 
 FIRST_ROUNDS, ROUNDS = 3, 3
 """Rounds of rough steps from wherever the levels start, and rounds of likely levels, weights and sudden changes after
@@ -74,6 +76,16 @@ _SHARED_PRIOR_COUNT = 15.0
 """Imaginary pairs of pitch and force whose errors have nothing in common."""
 
 
+USUAL_LOOKS = 60
+"""About so often the smoother goes over a drive until its levels are known."""
+
+
+def counted_looks(progress: Progress) -> Callable[[], None]:
+    """To be called whenever the smoother is about to go over the drive."""
+    numbers = count()
+    return lambda: progress("smooth", min(next(numbers) / USUAL_LOOKS, 1.0))
+
+
 @dataclass(frozen=True, eq=False)
 class Learned:
     """What a drive says of itself.
@@ -93,19 +105,25 @@ class Learned:
 
 
 def learn(
-    measured: Measurements, epochs: SmootherEpochs, prior: Prior, *, by_satellites: bool = True
+    measured: Measurements,
+    epochs: SmootherEpochs,
+    prior: Prior,
+    *,
+    by_satellites: bool = True,
+    progress: Progress = no_progress,
 ) -> Learned:
     """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
-    noise, jumps, variance, smoothed, robust = _levels(measured, epochs, prior)
+    look = counted_looks(progress)
+    noise, jumps, variance, smoothed, robust = _levels(measured, epochs, prior, look)
     filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
     every = np.ones(len(measured), bool), np.ones(len(measured))
     used, repeated = _apart(measured) if filtered else every
     chosen = measured.take(used), replace(epochs, of_measurement=epochs.of_measurement[used])
     if filtered:
-        noise = most_likely(*chosen, noise, prior, robust[used], jumps)
+        noise = most_likely(*chosen, noise, prior, robust[used], jumps, look)
         variance = gaussian_variance(measured, noise) * repeated / robust
         smoothed = linear_model(measured, epochs, noise, variance, jumps).scores()
-    likely = expected(noise, log_sigmas(*chosen, noise, prior, robust[used], jumps))
+    likely = expected(noise, log_sigmas(*chosen, noise, prior, robust[used], jumps, look))
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
@@ -118,7 +136,7 @@ def learn(
 
 
 def _levels(
-    measured: Measurements, epochs: SmootherEpochs, prior: Prior
+    measured: Measurements, epochs: SmootherEpochs, prior: Prior, look: Callable[[], None]
 ) -> tuple[Noise, Jumps, Floats, Scores, Floats]:
     """Levels, sudden changes, variances, what the smoother says by them, and new weights, found in rounds.
 
@@ -131,10 +149,11 @@ def _levels(
     noise, weight = prior.noise.with_(shared=SHARED_START if paired else 0.0), counts
     model = linear_model(measured, epochs, noise, weight)
     for _ in range(FIRST_ROUNDS):
+        look()
         noise, weight = expected_levels(measured, model, noise, weight)
         weight = weight * counts
     for _ in range(ROUNDS):
-        noise = most_likely(measured, epochs, noise, prior, weight, jumps)
+        noise = most_likely(measured, epochs, noise, prior, weight, jumps, look)
         usual = gaussian_variance(measured, noise)
         variance = usual / weight
         model = linear_model(measured, epochs, noise, variance, jumps)

@@ -15,6 +15,7 @@ import numpy as np
 
 from fusion.arrays import nearest
 from fusion.filters.smoother import Smoothed
+from fusion.network.pass_columns import table_of
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import displaced
 from fusion.profile.blocks import Estimate, spaced
@@ -45,7 +46,16 @@ from fusion.profile.model import (
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath, ground_speed
 from fusion.profile.traversals import SmoothedDrive
-from fusion.types import LONGEST_BRIDGED_OUTAGE_S, DrawnMeasurements, DriveLog, Floats, Ints, Track
+from fusion.types import (
+    LONGEST_BRIDGED_OUTAGE_S,
+    DrawnMeasurements,
+    DriveLog,
+    Floats,
+    Ints,
+    Progress,
+    Track,
+    no_progress,
+)
 
 PERIOD_S = 0.5
 """Rows of a track are about so far apart, or as far as the positions."""
@@ -165,6 +175,7 @@ def drive_report(
     drive: SmoothedDrive,
     factors: Sequence[PassFactor],
     inertia: Inertia | None,
+    progress: Progress = no_progress,
 ) -> dict[str, Any]:
     """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds.
 
@@ -172,13 +183,17 @@ def drive_report(
     """
     path, measured, learned = drive.path, drive.measured, drive.learned
     match, lengths = path.match, path.network.table.length_m
-    without = {code: _Without.of(drive, code) for code in np.unique(measured.sensor).tolist()}
-    complete = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segment] for f in factors]
+    without = {}
+    for code in np.unique(measured.sensor).tolist():
+        progress("slopes", code / len(SENSORS))
+        without[code] = _Without.of(drive, code)
+    passes = table_of(factors)
+    complete = passes.end_m - passes.start_m >= WHOLE_SHARE * lengths[passes.segment]
     report = {
         "matched_share": float(np.mean(path.matched)),
         "breaks": [{"time_s": float(b.time_s), "reason": b.reason} for b in match.breaks],
         "passes": len(factors),
-        "passes_of_part_of_a_segment": len(factors) - int(np.sum(complete)),
+        "passes_of_part_of_a_segment": len(factors) - int(np.count_nonzero(complete)),
         "passes_dropped_as_uncertain": int(np.count_nonzero(match.confidence < MIN_CONFIDENCE)),
         "noise": asdict(learned.noise),
         "own_speed_scale": ground_speed(log)[2],
