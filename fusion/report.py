@@ -16,7 +16,6 @@ import numpy as np
 from pyproj import Geod
 
 from fusion.formats import FORMATS
-from fusion.network.pass_columns import table_of
 from fusion.terrain.datum import MEAN_SEA_LEVEL, datum_of_log
 from fusion.types import CUES, MAX_SPEED_MPS, PAUSE_S, DriveLog, Floats, Track
 
@@ -118,7 +117,7 @@ def drive_report(
             {*track.segment[track.segment >= 0].tolist(), *(s.segment for s in result.slopes)}
         ),
         "segments_estimated": len(result.slopes),
-        "segments_in_network": len(np.unique(table_of(result.factors).segment)),
+        "segments_in_network": len(result.in_network),
         "median_slope_sigma_percent": float(np.median(sigmas)) if sigmas else None,
         "dem": None if dem is None else dem.description,
         "dem_datum": None if dem is None else dem.datum,

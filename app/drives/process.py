@@ -16,7 +16,6 @@ from dataclasses import replace
 from enum import Enum
 from typing import Any
 
-import numpy as np
 from sqlalchemy.orm import Session
 
 from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
@@ -42,7 +41,7 @@ from app.network.solve import lag_among_all
 from app.terrain.heights import fill_heights_along
 from fusion.lags import LAG_ROUNDS, factors_for_lag
 from fusion.methods.base import DriveResult
-from fusion.network.pass_columns import PACKED_AT_ONCE, table_of
+from fusion.network.pass_columns import PACKED_AT_ONCE
 from fusion.pipeline import parse_options
 from fusion.types import DriveLog, Ints
 from fusion.types import Progress as LibraryProgress
@@ -155,7 +154,7 @@ def _run(
     def publish(computed: Computed) -> bool:
         result, ids = computed.result, computed.ids
         if result.factors:
-            driven = computed.roads.subset(np.unique(table_of(result.factors).segment))
+            driven = computed.roads.subset(result.in_network)
             fill_heights_along(context.sessions, context.dem_dir, driven)
         progress = run.part("saving")
         settled = with_settled_lag(context.sessions, drive.id, ids, result, progress)

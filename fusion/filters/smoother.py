@@ -80,18 +80,23 @@ class LinearModel:
         vars(other).update(_seen=self._seen, _packed=packed)
         return other
 
-    def smooth(self, look: Look = lambda *_: None) -> Smoothed:
-        """Means and variances of every state given all measurements; ``look`` is shown their covariances."""
-        d = len(self.mean)
-        mean, variance = np.empty((self.steps, d)), np.empty((self.steps, d))
-        others = _Unseen.of(self, ~self._seen)
+    def smooth(self, look: Look = lambda *_: None, *, unseen: bool = True) -> Smoothed:
+        """Means and variances of every state given all measurements; ``look`` is shown their covariances.
 
-        def keep(piece: slice, covariance: Floats) -> None:
-            others.predict(piece, mean[piece], covariance)
-            variance[piece] = np.diagonal(covariance, axis1=1, axis2=2)
+        Without ``unseen`` those of states that no measurement sees are left out: they are 0, and take no memory.
+        """
+        d = len(self.mean)
+        mean, variance = (np.zeros((self.steps, d), order="F") for _ in range(2))
+        others = _Unseen.of(self, ~self._seen if unseen else np.zeros(d, np.bool_))
+        told = np.flatnonzero(self._seen | unseen)
+
+        def keep(piece: slice, means: Floats, covariance: Floats) -> None:
+            others.predict(piece, means, covariance)
+            for state in told.tolist():
+                mean[piece, state], variance[piece, state] = means[:, state], covariance[:, state, state]
             look(piece, covariance)
 
-        scores = self._packed.run(mean=mean, keep=keep)
+        scores = self._packed.run(keep=keep)
         return Smoothed(**vars(scores), mean=mean, variance=variance)
 
     def scores(self, followed: int = -1) -> Scores:
@@ -124,6 +129,8 @@ class _Packed:
     carried: dict[tuple[int, int], int]
     shaken: dict[tuple[int, int], int]
     lanes: Lanes
+    size: int
+    """How many states the model has"""
 
     @classmethod
     def of(cls, model: LinearModel, wanted: Bools, rows: int) -> _Packed:
@@ -140,7 +147,7 @@ class _Packed:
             states, (0,) * width, to, of, carried, row, column, shaken, mean, covariance, first_row, design,
             model.value[:rows], model.variance[:rows],
         )  # fmt: skip
-        return cls(carries, shakes, lanes)
+        return cls(carries, shakes, lanes, len(wanted))
 
     def at_levels(self, noise: Entries, transition: Entries, variance: Floats) -> _Packed:
         """See ``LinearModel.at_levels``."""
@@ -148,11 +155,11 @@ class _Packed:
         shaken = _with_columns(self.lanes.shaken, self.shaken, noise)
         return replace(self, lanes=self.lanes._replace(carried=carried, shaken=shaken, variance=variance))
 
-    def run(self, followed: int = -1, mean: Floats = _NOWHERE, keep: Look | None = None) -> Scores:
-        """Goes through these states. Where ``keep`` is shown their covariances, ``mean`` (n, d) is filled as well."""
+    def run(self, followed: int = -1, keep: Callable[[slice, Floats, Floats], None] | None = None) -> Scores:
+        """Goes through these states; ``keep`` is shown the means (k, d) and covariances of each piece."""
         lanes, states = self.lanes, self.lanes.states
         n, w, m = len(lanes.carried), len(lanes.width), len(lanes.value)
-        steps, size = n * (followed in states), len(mean[0]) if keep else 0
+        steps, size = n * (followed in states), self.size if keep else 0
         lane = int(np.searchsorted(states, followed))
         residual, precision, pull = np.empty(m), np.empty(m), np.empty((n, w))
         pull_precision, carry_pull = np.empty((n, len(lanes.row))), np.empty((steps, w))
@@ -166,7 +173,7 @@ class _Packed:
         for piece, begin in zip(pieces[::-1], begins[::-1], strict=True):
             rows = slice(lanes.first_row[piece.start], lanes.first_row[piece.stop])
             k, there, count = piece.stop - piece.start, _cut(lanes, piece), rows.stop - rows.start
-            means, covariance = mean[piece], np.zeros((k if keep else 0, size, size))
+            means, covariance = np.zeros((k if keep else 0, size)), np.zeros((k if keep else 0, size, size))
             said = np.empty(count), np.empty(count), np.empty((count, w))
             before = np.empty((k if steps else 0, w + 1))
             last = run_forward(there, piece.start > 0, *begin, lane, means, covariance, *said, before)
@@ -176,7 +183,7 @@ class _Packed:
                 precision[rows], pull[piece], pull_precision[piece], carry_pull[piece],
             )  # fmt: skip
             if keep:
-                keep(piece, covariance)
+                keep(piece, means, covariance)
         lane_of = {int(state): k for k, state in enumerate(states)}
         return Scores(
             residual / precision, 1.0 / precision, {state: pull[:, k] for state, k in lane_of.items()},
@@ -269,6 +276,10 @@ class Scores:
     pull_precision: Entries
     carry_pull: Entries
     log_likelihood: float
+
+    def of_measurements(self) -> Scores:
+        """What it says of measurements alone, which takes a third of the memory."""
+        return Scores(self.residual, self.residual_variance, {}, {}, {}, self.log_likelihood)
 
     def break_score(self, state: int) -> Floats:
         """How many sigmas speak for a sudden change of a state that the steps' noise changes anyway, on the way to a

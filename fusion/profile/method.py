@@ -58,7 +58,7 @@ _USUAL_DRIFT = (RECEIVER_DRIFT, ALTIMETER_DRIFT)
 BLOCK_SEGMENTS = 6000
 """Of a long drive so many segments are solved at once."""
 SMALL_TASKS = 8
-"""As if so many hands worked on the blocks: then each is a task of its own, and between two the drive can be stopped."""
+"""As if so many hands worked on the blocks: then each is a task of its own, and the drive can be stopped between."""
 MIN_MEASUREMENTS = 4
 """Fewer say nothing of a slope."""
 

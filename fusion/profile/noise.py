@@ -130,7 +130,7 @@ def learn(
     weight = np.where(_muted(measured), 1.0, _tail_weights(measured, square) * _outlier_factor(square))
     variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
     model = linear_model(measured, epochs, likely, variance, jumps)
-    smoothed = model.smooth()
+    smoothed = replace(model.smooth(unseen=False), pull={}, pull_precision={}, carry_pull={})
     outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
     return Learned(noise, likely, variance, outlier, jumps, model, smoothed)
 
@@ -153,15 +153,17 @@ def _levels(
         noise, weight = expected_levels(measured, model, noise, weight)
         weight = weight * counts
     for _ in range(ROUNDS):
+        del model  # before the next one is made: both are large
         noise = most_likely(measured, epochs, noise, prior, weight, jumps, look)
         usual = gaussian_variance(measured, noise)
         variance = usual / weight
         model = linear_model(measured, epochs, noise, variance, jumps)
         springs = _Springs.of(measured, epochs, noise) if paired else None
-        smoothed = model.smooth(springs.look) if springs else model.scores()
+        smoothed = model.smooth(springs.look, unseen=False) if springs else model.scores()
         jumps = _with_jump(epochs, smoothed, jumps)
         if springs:
             noise = noise.with_(**springs.shared(smoothed, variance))
+        smoothed = smoothed.of_measurements()
         square = np.maximum(normalised_square(smoothed, variance, usual), 1e-9)
         weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _outlier_factor(square) * counts
     return noise, jumps, variance, smoothed, weight

@@ -268,7 +268,7 @@ class _Without:
         """As if the sensor's errors were beyond all measure. The epochs stay the same."""
         learned = drive.learned
         variance = np.where(drive.measured.sensor == sensor, 1e12, learned.variance)
-        smoothed = learned.model.at_levels({}, {}, variance).smooth()
+        smoothed = learned.model.at_levels({}, {}, variance).smooth(unseen=False)
         return cls(_grade_sigma(smoothed), smoothed.mean[:, HEIGHT].copy())
 
 
