@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from operator import attrgetter
+from tempfile import TemporaryFile
 from typing import Any, Self, overload
+from weakref import finalize
 
 import numpy as np
 
@@ -94,8 +97,39 @@ class PassColumns(ColumnTable):
         return names.tolist(), [slice(a, b) for a, b in pairwise(ends)]
 
 
+class _Filed(Sequence[bytes]):
+    """Texts of bytes in a file that has no name, and goes with this; there may be hundreds of megabytes."""
+
+    def __init__(self) -> None:
+        with TemporaryFile(prefix="versant-passes-") as file:
+            self._file, self._end = os.dup(file.fileno()), [0]
+        finalize(self, os.close, self._file)
+
+    def append_all(self, texts: Sequence[bytes]) -> None:
+        """Put more of them at the end."""
+        with open(self._file, "wb", closefd=False) as file:
+            file.write(b"".join(texts))
+        self._end += (self._end[-1] + np.cumsum([len(text) for text in texts])).tolist()
+
+    def __len__(self) -> int:
+        return len(self._end) - 1
+
+    @overload
+    def __getitem__(self, at: int) -> bytes: ...
+    @overload
+    def __getitem__(self, at: slice) -> Sequence[bytes]: ...
+    def __getitem__(self, at: int | slice) -> bytes | Sequence[bytes]:
+        if isinstance(at, slice):
+            return [self[k] for k in range(len(self))[at]]
+        k = range(len(self))[at]
+        return os.pread(self._file, self._end[k + 1] - self._end[k], self._end[k])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return list, (list(self),)
+
+
 class PackedPasses(Sequence[PassFactor]):
-    """The passes of a long drive in their stored form, a quarter as large: each is decoded where it is asked for."""
+    """The passes of a long drive in their stored form, in a file: each is decoded where it is asked for."""
 
     def __init__(self, table: PassColumns, stored: Sequence[bytes]) -> None:
         """``stored`` (m,) are the passes of the table, as by ``PassFactor.encode``."""
@@ -104,10 +138,10 @@ class PackedPasses(Sequence[PassFactor]):
     @classmethod
     def of(cls, portions: Iterable[Sequence[PassFactor]]) -> Self:
         """Of passes in order, of which never are more there than one portion."""
-        tables, stored = [], list[bytes]()
+        tables, stored = [], _Filed()
         for portion in portions:
             tables.append(PassColumns.in_order([0] * len(portion), portion))
-            stored += PassFactor.encode_all(portion)
+            stored.append_all(PassFactor.encode_all(portion))
         return cls(PassColumns.of({}).joined(*tables), stored)
 
     def __len__(self) -> int:

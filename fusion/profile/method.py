@@ -156,13 +156,12 @@ class ProfileMethod:
         drive, late, usual = _learned(raw, dem, options, within(progress, 0.3, 0.7))
         progress("factors", 0.7)
         factors = pass_factors(drive, log.fix, within(progress, 0.7, 0.75))
-        terrain = dem if options.dem else None
-        slopes = adjusted_slopes(network, factors, terrain, within(progress, 0.75, 0.95))
-        track = build_track(drive)
-        report = drive_report(log, drive, factors, raw.inertia, within(progress, 0.95, 1.0))
-        drawn = drawn_measurements(drive)
-
+        track, drawn = build_track(drive), drawn_measurements(drive)
+        report = drive_report(log, drive, factors, raw.inertia, within(progress, 0.75, 0.8))
         late_by = _LateBy(raw, log.fix, dem, options, late.sensor, usual) if late.sensor >= 0 else None
+        del drive, path, raw  # of a long drive they are as large as what its slopes take
+        terrain = dem if options.dem else None
+        slopes = adjusted_slopes(network, factors, terrain, within(progress, 0.8, 1.0))
         return DriveResult(track, slopes, report, factors, drawn, late_by)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
 
 import numpy as np
@@ -79,6 +80,7 @@ def test_packed_passes_are_the_passes(whole: DriveResult) -> None:
         assert np.array_equal(getattr(packed.table, name), getattr(table_of(passes), name))
     moved = packed.over(np.arange(len(passes)))
     assert [one.segment for one in moved] == list(range(len(passes)))
+    assert list(encoded(copy.deepcopy(packed))) == stored  # as it is sent to another process
     with pytest.raises(IndexError):
         packed[len(passes)]
 
