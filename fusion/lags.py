@@ -10,7 +10,7 @@ import numpy as np
 from fusion.methods.base import DriveResult
 from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
-from fusion.types import Bools
+from fusion.types import Bools, Progress
 
 LAG_ROUNDS, LAG_SETTLED_S = 6, 0.3
 """How often factors are made anew for altimeters that are late, and what counts as settled."""
@@ -63,8 +63,12 @@ def with_settled_lags(
 
 
 def factors_for_lag(
-    result: DriveResult, factors: Sequence[PassFactor], lag_s: float | None, settled_s: float = LAG_SETTLED_S
-) -> tuple[PassFactor, ...] | None:
+    result: DriveResult,
+    factors: Sequence[PassFactor],
+    lag_s: float | None,
+    settled_s: float = LAG_SETTLED_S,
+    progress: Progress | None = None,
+) -> Sequence[PassFactor] | None:
     """The factors of a drive made anew for the altimeter's lag that a network's solution finds, ``lag_s``.
 
     ``factors`` are those that were solved. None where the lag is settled, or nothing is known of one: the factors stay.
@@ -73,7 +77,9 @@ def factors_for_lag(
     if result.late_by is None or lag_s is None:
         return None
     next_s = next_lag(factors[0].lag_s, lag_s, settled_s)
-    return None if next_s is None else result.late_by(next_s)
+    if next_s is None:
+        return None
+    return result.late_by(next_s) if progress is None else result.late_by(next_s, progress)
 
 
 def next_lag(before_s: float, lag_s: float, settled_s: float = LAG_SETTLED_S) -> float | None:

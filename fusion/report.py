@@ -117,7 +117,7 @@ def drive_report(
             {*track.segment[track.segment >= 0].tolist(), *(s.segment for s in result.slopes)}
         ),
         "segments_estimated": len(result.slopes),
-        "segments_in_network": len({factor.segment for factor in result.factors}),
+        "segments_in_network": len(result.in_network),
         "median_slope_sigma_percent": float(np.median(sigmas)) if sigmas else None,
         "dem": None if dem is None else dem.description,
         "dem_datum": None if dem is None else dem.datum,

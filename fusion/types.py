@@ -39,6 +39,11 @@ def no_progress(stage: str, share: float) -> None:
     """The silent ``Progress``."""
 
 
+def within(progress: Progress, start: float, end: float) -> Progress:
+    """A ``Progress`` for a part of the work, which goes from one share of the whole to another."""
+    return lambda stage, share: progress(stage, start + (end - start) * share)
+
+
 @dataclass(frozen=True)
 class SensorTable(ColumnTable):
     """One sensor's samples at its own rate: ``time_s`` strictly increasing, every column of that length."""

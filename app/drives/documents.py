@@ -20,6 +20,7 @@ from app.core.errors import LogDeletedError
 from app.core.http import EXAMPLE_ID, Link, link
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
+from app.drives.remaining import remaining_s
 from app.network.cells import cell_name
 from app.network.rejections import Rejections
 from fusion.report import with_contradiction, with_duplicate
@@ -31,6 +32,7 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "status": "done",
     "progress": 1.0,
     "stage": None,
+    "remaining_s": None,
     "failure": None,
     "filename": "monday.ubx",
     "size_bytes": 5_021_417,
@@ -95,6 +97,10 @@ class Drive(
     status: DriveStatus
     progress: float = Field(ge=0, le=1, description="Share of the work done, 0..1.")
     stage: str | None = Field(description="What the worker is doing, or was doing when it failed.")
+    remaining_s: float | None = Field(
+        None,
+        description="About how long it will still be computed, seconds, rounded; null where nobody knows.",
+    )
     failure: Failure | None = Field(description="Why it failed; null unless status is failed.")
     filename: str = Field(description="Of several files their names, separated by commas.")
     size_bytes: int = Field(
@@ -158,7 +164,13 @@ class Drive(
         """The record of a row of the store, which has the reason of a failure in columns of its own."""
         unsolved = [cell_name(cell) for cell in columns["unsolved_cells"]]
         report = _as_it_is_now(columns["report"], columns["rejections"], columns["duplicate_of"], unsolved)
-        derived = {"failure": Failure.of(columns), "unsolved": unsolved, "report": report}
+        left_s = remaining_s(columns["ran_s"], columns["progress"], columns["stage"])
+        derived = {
+            "failure": Failure.of(columns),
+            "unsolved": unsolved,
+            "report": report,
+            "remaining_s": left_s,
+        }
         return cls.model_validate({**columns, "same_as": columns["duplicate_of"], **derived})
 
 

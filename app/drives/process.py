@@ -16,7 +16,6 @@ from dataclasses import replace
 from enum import Enum
 from typing import Any
 
-import numpy as np
 from sqlalchemy.orm import Session
 
 from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
@@ -42,8 +41,10 @@ from app.network.solve import lag_among_all
 from app.terrain.heights import fill_heights_along
 from fusion.lags import LAG_ROUNDS, factors_for_lag
 from fusion.methods.base import DriveResult
+from fusion.network.pass_columns import PACKED_AT_ONCE
 from fusion.pipeline import parse_options
 from fusion.types import DriveLog, Ints
+from fusion.types import Progress as LibraryProgress
 
 logger = logging.getLogger(__name__)
 
@@ -153,11 +154,12 @@ def _run(
     def publish(computed: Computed) -> bool:
         result, ids = computed.result, computed.ids
         if result.factors:
-            driven = computed.roads.subset(np.unique([f.segment for f in result.factors]))
+            driven = computed.roads.subset(result.in_network)
             fill_heights_along(context.sessions, context.dem_dir, driven)
-        settled = replace(computed, result=with_settled_lag(context.sessions, drive.id, ids, result))
+        progress = run.part("saving")
+        settled = with_settled_lag(context.sessions, drive.id, ids, result, progress)
         run.begin("saving")
-        return _append(context, drive, settled, behind=behind)
+        return _append(context, drive, replace(computed, result=settled), behind=behind)
 
     computed = compute(context, drive, run, computing, publish, read=note_records, located=note_bounds)
     stages.end()
@@ -217,12 +219,16 @@ def write_result(session: Session, drive: Drive, computed: Computed, delay_s: fl
 
 
 def with_settled_lag(
-    sessions: Sessions, drive_id: uuid.UUID, segment_ids: Ints, result: DriveResult
+    sessions: Sessions,
+    drive_id: uuid.UUID,
+    segment_ids: Ints,
+    result: DriveResult,
+    progress: LibraryProgress | None = None,
 ) -> DriveResult:
     """The result with its factors made anew for the lag that the stored network finds; most results as they are.
 
     How late the altimeter is follows from all drives (``fusion.lags.factors_for_lag``, as for logs at hand). It is
-    found before the network is owned: others go on publishing meanwhile.
+    found before the network is owned: others go on publishing meanwhile. Of a long drive its beginning tells it.
 
     ``segment_ids`` maps the segments of the result's factors to the database's ids.
     """
@@ -231,8 +237,9 @@ def with_settled_lag(
         return result
     for _ in range(LAG_ROUNDS - 1):
         with sessions() as session:
-            lag = lag_among_all(session, drive_id, slopes.in_database(factors, segment_ids))
-        anew = factors_for_lag(result, factors, lag)
+            beginning = factors[:PACKED_AT_ONCE]
+            lag = lag_among_all(session, drive_id, slopes.in_database(beginning, segment_ids))
+        anew = factors_for_lag(result, factors, lag, progress=progress)
         if anew is None:
             break
         factors = anew

@@ -33,6 +33,8 @@ _SHOWN = f"""
                ORDER BY m.cell) AS unsolved_cells,
     (SELECT w.id FROM drives AS w WHERE w.id = d.duplicate_of AND {IS_SHOWN.format("w")}) AS duplicate_of_shown,
     (SELECT w.owner_id <> d.owner_id FROM drives AS w WHERE w.id = d.duplicate_of) AS duplicate_is_anothers,
+    CASE WHEN d.status = 'running'
+         THEN CAST(extract(epoch FROM clock_timestamp() - d.started_at) AS float8) END AS ran_s,
     CASE WHEN d.bounds IS NOT NULL
          THEN ARRAY[ST_XMin(d.bounds), ST_YMin(d.bounds), ST_XMax(d.bounds), ST_YMax(d.bounds)] END AS bbox
 """  # noqa: S608 - constants

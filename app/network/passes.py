@@ -16,6 +16,7 @@ from sqlalchemy.orm import Session
 from app.core.db import bigints, fetch_binary, send_binary
 from app.network.condensed import OF_DRIVE, StoredPass, condensed_of_drive, of_drive, subtract_condensed
 from fusion.network.drive_constants import ConstantsInformation
+from fusion.network.pass_columns import encoded, portions_of, table_of
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats
 
@@ -102,31 +103,33 @@ def replace_passes(
     subtract_condensed(session, condensed_of_drive(session, drive_id, deleted))
     session.execute(_DELETE_REJECTED, {"drive_id": drive_id})
     session.execute(_DELETE_CONSTANTS, {"drive_id": drive_id})
-    touched = {segment for segment, *_ in deleted} | {f.segment for f in factors}
+    table = table_of(factors)
+    driven = set(table.segment.tolist())
     if factors:
-        drives = [drive_id] * len(factors)
-        insert_passes(session, drives, factors, np.array([f.first_time_s for f in factors], float))
+        for some, portion in portions_of(factors):
+            insert_passes(session, [drive_id] * len(portion), portion, table.first_time_s[some])
         constants = {
             "passes": len(factors),
             "evidence": ConstantsInformation.of_passes(factors).encode(),
-            "measurements": sum(f.rows for f in factors),
+            "measurements": int(table.rows.sum()),
             "epoch_s": np.asarray(epoch_s, "<f8").tobytes(),
-            "partitions": partitions_of(session, {f.segment for f in factors}),
+            "partitions": partitions_of(session, driven),
         }
         send_binary(session, _INSERT_CONSTANTS, {"drive_id": drive_id, **constants})
-    return touched
+    return driven | {segment for segment, *_ in deleted}
 
 
 def insert_passes(
     session: Session, drive_ids: Sequence[uuid.UUID], factors: Sequence[PassFactor], entered_s: Floats
 ) -> None:
     """Store one pass for each drive and factor, entered at ``entered_s`` (p,), Unix seconds."""
+    table = table_of(factors)
     columns = {
         "drive_id": list(drive_ids),
-        "segment_id": np.array([f.segment for f in factors]),
-        "sequence": np.array([f.sequence for f in factors]),
+        "segment_id": table.segment,
+        "sequence": table.sequence,
         "entered_s": entered_s,
-        "factor": PassFactor.encode_all(factors),
+        "factor": list(encoded(factors)),
     }
     send_binary(session, _INSERT, columns)
 
@@ -141,10 +144,8 @@ def hours_of(
 ) -> set[int]:
     """Numbers of the hours in which the drive was in places, by its stored passes and by ``factors``, whose segments
     are database ids. Drives that entered a segment within ``apart_s`` of each other have one in common."""
-    entries = {
-        "segments": bigints(f.segment for f in factors),
-        "entered_s": np.array([f.first_time_s for f in factors], float),
-    }
+    table = table_of(factors)
+    entries = {"segments": table.segment, "entered_s": table.first_time_s}
     values = {**of_drive(session, drive_id), **entries, "apart_s": apart_s}
     return set(session.execute(_HOURS, values).scalars().all())
 

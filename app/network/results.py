@@ -30,6 +30,7 @@ from app.network.locks import own_hours, share_network
 from app.network.marks import MarkedBy, append_marks
 from app.network.passes import hours_of, replace_passes
 from fusion.network.duplicates import LONGEST_ENTRY_S, SAME_SHARE, DriveTrace, find_duplicates, is_duplicate
+from fusion.network.pass_columns import PackedPasses
 from fusion.network.pass_factor import PassFactor
 from fusion.types import Floats, Ints, SegmentSlope
 
@@ -240,8 +241,10 @@ def append_removal(session: Session, drive: MarkedBy) -> list[int]:
     return append_marks(session, touched, former, drive)
 
 
-def in_database(factors: Sequence[PassFactor], segment_ids: Ints) -> list[PassFactor]:
+def in_database(factors: Sequence[PassFactor], segment_ids: Ints) -> Sequence[PassFactor]:
     """Factors of a run with the database's ids of their segments."""
+    if isinstance(factors, PackedPasses):
+        return factors.over(segment_ids[factors.table.segment])
     return [factor.over(int(segment_ids[factor.segment])) for factor in factors]
 
 

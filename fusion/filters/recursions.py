@@ -84,6 +84,9 @@ def _mirror(width: tuple[int, ...], p: Floats) -> None:
 @compiled_vector
 def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many arrays cost more than the sums)
     lanes: Lanes,
+    goes_on: bool,
+    x: Floats,
+    p: Floats,
     followed: int,
     mean: Floats,
     covariance: Floats,
@@ -94,22 +97,19 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
 ) -> float:
     """Fill predicted means and covariances, innovations, their variances and gains; return the log-likelihood.
 
-    Means and covariances, of all states, and ``before`` (n, w + 1) are kept where there is room for them (none: n = 0).
+    ``x`` (w,) and ``p`` (w, w) are what is known before the first measurement, or, where the filter ``goes_on``, before
+    the step that leads to it; in the end they are what is known after the last one. Means and covariances, of all
+    states, what is said of measurements and ``before`` (n, w + 1) are kept where there is room for them (none: n = 0).
     ``before`` holds what the step k - 1 knew of the state in the lane ``followed``: its covariance with the states at
     step k, and its mean.
     """
     states, width, to, of, carried, row, column, shaken, _, _, first_row, design, value, variance = lanes
     n, d, w = len(carried), len(states), len(width)
-    x, moved, g = np.empty(w), np.empty(w), np.empty(w)
-    p, half = np.empty((w, w)), np.empty((w, w))
-    for a in range(w):
-        x[a] = lanes.mean[a]
-        for b in range(w):
-            p[a, b] = lanes.covariance[a, b]  # but for a step of time only the lower triangle is kept right
+    moved, g, own_gain, half = np.empty(w), np.empty(w), np.empty(w), np.empty((w, w))
     likelihood, product = 0.0, 1.0
     for k in range(n):
-        if k:
-            _mirror(width, p)
+        if k or goes_on:
+            _mirror(width, p)  # but for a step of time only the lower triangle is kept right
             if len(before):
                 before[k, w] = x[followed]
             _carry_half(to, of, carried[k], x, p, moved, half)
@@ -138,16 +138,19 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
                         g[b] += h * p[b, a]
             for a in range(w):
                 s += design[i, a] * g[a]
-            innovation[i], scale[i] = v, s
+            for a in range(w):
+                own_gain[a] = g[a] / s
+            if len(innovation):
+                innovation[i], scale[i] = v, s
+                for a in range(w):
+                    gain[i, a] = own_gain[a]
             likelihood -= 0.5 * v * v / s
             product *= s  # one logarithm for many
             if not 1e-100 < product < 1e100:
                 likelihood -= 0.5 * math.log(product)
                 product = 1.0
             for a in range(w):
-                gain[i, a] = g[a] / s
-            for a in range(w):
-                share = gain[i, a]
+                share = own_gain[a]
                 x[a] += share * v
                 for b in range(a + 1):
                     p[a, b] -= share * g[b]
@@ -157,6 +160,9 @@ def run_forward(  # noqa: C901, PLR0912 (one loop nest: calls with so many array
 @compiled_vector
 def run_backward(  # noqa: C901, PLR0912
     lanes: Lanes,
+    goes_on: bool,
+    r: Floats,
+    big: Floats,
     mean: Floats,
     covariance: Floats,
     innovation: Floats,
@@ -171,12 +177,14 @@ def run_backward(  # noqa: C901, PLR0912
 ) -> None:
     """Turn predicted means and covariances into smoothed ones; fill smoothing errors, their precisions and pulls.
 
+    ``r`` (w,) and ``big`` (w, w) are the pull of what comes after the last step and its precision, in the end, where
+    the filter ``goes_on`` from steps before, the pull and precision of all this on the last of those; else of nothing.
     ``pull_precision`` (n, e) is that of the entries of the steps' noise. ``carry_pull`` (n, w) is the gradient of the
     log-likelihood by the column of the transition that ``before`` followed.
     """
     states, width, to, of, carried, row, column, _, _, _, first_row, design, _, _ = lanes
     n, d, w = len(carried), len(states), len(width)
-    r, big, p, half = np.zeros(w), np.zeros((w, w)), np.zeros((w, w)), np.empty((w, w))
+    p, half = np.zeros((w, w)), np.empty((w, w))
     along, moved, g, seen = np.empty(w), np.empty(w), np.empty(w), np.empty(w, np.int64)
     for k in range(n - 1, -1, -1):
         for i in range(first_row[k + 1] - 1, first_row[k] - 1, -1):
@@ -237,7 +245,7 @@ def run_backward(  # noqa: C901, PLR0912
                     for c in range(w):
                         total -= half[a, c] * p[b, c]
                     covariance[k, states[a], states[b]] = covariance[k, states[b], states[a]] = total
-        if k:
+        if k or goes_on:
             if len(before):
                 x = before[k, w]
                 for a in range(w):

@@ -233,8 +233,7 @@ def _read_as(chosen: LogFormat, data: bytes, progress: Progress, navigation: Nav
 
 def _usable(log: DriveLog) -> DriveLog:
     """The log with its inertial sensors in the vehicle's axes; ``MalformedLogError`` where it is too long."""
-    refuse_many(len(log.fix))
-    refuse_many(0 if log.raw is None else len(log.raw.signals))
+    refuse_many(len(log.fix), 0 if log.raw is None else len(log.raw.signals))
     return in_vehicle_axes(log)
 
 

@@ -37,8 +37,10 @@ MAX_TIME_S = 4102444800.0
 """2100-01-01."""
 DAY_S = 86400.0
 
-MAX_POSITIONS = 500_000
-"""Positions of one log: fourteen hours at 10 Hz, six days at 1 Hz. Each costs in all that is done with a log."""
+MAX_POSITIONS = 2_000_000
+"""Positions of one log: two days at 10 Hz, 23 days at 1 Hz. Each costs in all that is done with a log."""
+MAX_SIGNALS = 500_000
+"""Signals of satellites in one log: as long as its positions are computed they cost much more."""
 
 UNDATED = (
     "The log names no date: its times are placed in the first week of January 1980. Order and intervals are "
@@ -197,12 +199,16 @@ def _sieved(faults: Iterable[tuple[str, Bools]]) -> tuple[Bools, list[tuple[int,
     return good, hits
 
 
-def refuse_many(positions: int) -> None:
-    """Raise ``MalformedLogError`` for more positions than a log may have."""
-    if positions > MAX_POSITIONS:
-        raise MalformedLogError(
-            f"The log holds more than {MAX_POSITIONS} positions, which is more than one drive has. Split the recording."
-        )
+def refuse_many(positions: int, signals: int = 0) -> None:
+    """Raise ``MalformedLogError`` for more positions, or signals of satellites, than a log may have."""
+    for count, most, what in (
+        (positions, MAX_POSITIONS, "positions"),
+        (signals, MAX_SIGNALS, "signals of satellites"),
+    ):
+        if count > most:
+            raise MalformedLogError(
+                f"The log holds more than {most} {what}, which is more than one drive has. Split the recording."
+            )
 
 
 def usable_positions(

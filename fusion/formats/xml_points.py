@@ -21,9 +21,10 @@ from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes, number_or_nan, refuse_many
 from fusion.formats.glance import Ends
 from fusion.formats.time_texts import unix_seconds
-from fusion.types import Floats, Ints, Progress
+from fusion.types import Bools, Floats, Ints, Progress
 
 CHUNK_BYTES = 1 << 18
+TIMES_AT_ONCE = 1 << 14
 LONGEST_TEXT = 64
 """Characters of a value that are looked at, beyond any number or time."""
 DEEPEST = 100
@@ -129,6 +130,13 @@ class _Reader:
         self._what = layout.what
         self.columns = {name: array("d") for name in (*layout.attributes, *layout.fields.values())}
         self._times: list[str | None] = []
+        """Of the points that came since they were last read into numbers."""
+        self._time_s: list[Floats] = []
+        self._has_time: list[Bools] = []
+        self._timed = 0
+        """Of so many points the times are numbers already."""
+        self._wrong: str | None = None
+        """The first time that cannot be read."""
         self.count = 0
         """Points that are complete."""
         self._breaks: list[tuple[str, int]] = []
@@ -164,6 +172,8 @@ class _Reader:
                 f"This {self._what} file has elements nested more than {DEEPEST} deep, as attacks do and recorders "
                 "never. Export it again."
             )
+        if len(self._times) >= TIMES_AT_ONCE:
+            self._read_times(self.count)
         # no number and no time is as long as what may have come together here
         self._pieces[:] = ["".join(self._pieces)[:LONGEST_TEXT]]
 
@@ -202,7 +212,8 @@ class _Reader:
             pieces = self._pieces
             text = pieces[0] if len(pieces) == 1 else "".join(pieces)
             if kind == TIME:
-                _put(self._times, self.count, text.strip()[:LONGEST_TEXT] or None, absent=None)
+                at = self.count - self._timed
+                _put(self._times, at, text.strip()[:LONGEST_TEXT] or None, absent=None)
             else:
                 _put(self._targets[kind], self.count, number_or_nan(text), absent=np.nan)
         elif self._depth == self._inside:
@@ -219,15 +230,28 @@ class _Reader:
                 column = np.frombuffer(values)[: self.count]
                 column[~np.isfinite(column)] = np.nan
                 columns[name] = column
-        texts = self._times + [None] * (self.count - len(self._times))
-        time_s = unix_seconds(texts)
-        has_time = np.array([text is not None for text in texts], bool)
+        self._read_times(self.count)
+        time_s, has_time = np.concatenate(self._time_s), np.concatenate(self._has_time)
 
         def say(point: int) -> str:
-            return f"point {point + 1}: {texts[point]!r:.60} is no time"
+            return f"point {point + 1}: {self._wrong!r:.60} is no time"
 
         notes.sift((("times that cannot be read", np.isnan(time_s) & has_time),), say, position=True)
-        return Points(time_s[: self.count], columns, self._breaks, self._others, int(has_time.sum()))
+        return Points(time_s, columns, self._breaks, self._others, int(has_time.sum()))
+
+    def _read_times(self, count: int) -> None:
+        """Read the times of the first ``count`` points: as texts they take ten times the room."""
+        missing = count - self._timed
+        texts, self._times = self._times[:missing], self._times[missing:]
+        texts += [None] * (missing - len(texts))
+        time_s = unix_seconds(texts)
+        has_time = np.array([text is not None for text in texts], bool)
+        wrong = np.flatnonzero(np.isnan(time_s) & has_time)
+        if len(wrong) and self._wrong is None:
+            self._wrong = texts[wrong[0]]
+        self._time_s.append(time_s)
+        self._has_time.append(has_time)
+        self._timed = count
 
 
 def _put(column: MutableSequence[Any], point: int, value: object, *, absent: object) -> None:

@@ -20,7 +20,7 @@ from fusion.matching.samples import DriveSamples, driven_m, thin
 from fusion.matching.stays import KeptSamples, Stays, lay_chain_stays, lay_stays, place_samples, stay_times
 from fusion.matching.viterbi import Model, viterbi
 from fusion.roads.network import RoadNetwork
-from fusion.types import Floats, Ints
+from fusion.types import Floats, Ints, Progress, no_progress
 
 _MAP_SIGMA_M = 4.0  # the map's own error across the road, beside the accuracy that the receiver states
 
@@ -113,6 +113,7 @@ class DriveMatcher:
         heading_rad: ArrayLike | None = None,
         speed_mps: ArrayLike | None = None,
         sigma_m: ArrayLike | None = None,
+        progress: Progress = no_progress,
     ) -> PathMatch:
         """The path of a drive of n samples; all arguments have shape (n,).
 
@@ -126,18 +127,23 @@ class DriveMatcher:
         if not len(thinned) or not len(self.network):
             nowhere = (Break(float(drive.time_s[thinned[0]]), NO_ROAD),) if len(thinned) else ()
             return empty_match(len(drive.time_s), nowhere)
+        progress("match", 0.1)
         cand = self._candidates(drive, thinned)
+        progress("match", 0.3)
         intervals = self._intervals(drive, thinned, cand)
         model = Model(self._graph, cand, intervals, Reach.of(self._graph), self.options.costs())
         lattice, transitions, final = viterbi(model)
         state = trace(lattice, final)
+        progress("match", 0.7)
         chance = posterior(cand, intervals, transitions, state, model.costs)
+        progress("match", 0.8)
         joined = bridge(model, lattice, state, drive.x_m[thinned], drive.y_m[thinned])
         chance = doubt_unseen_ways(chance, intervals, model.costs, lattice, state, joined)
         route_start, route = routes(model, lattice, state, joined)
         on_chains, count, along, run = lay_chain_stays(
             self._graph, cand, lattice, state, joined, route_start, route, chance
         )
+        progress("match", 0.9)
         stays = lay_stays(self._graph, on_chains.first(count))
         breaks = breaks_of(drive.time_s[thinned], cand, intervals, state, joined)
         return self._result(drive, KeptSamples(thinned, along, run), stays, breaks)

@@ -6,20 +6,22 @@ those that lean on the elevation model (``OF_TERRAIN``), which a new one of that
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
+import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer
 
 from fusion.errors import BadOptionsError
 from fusion.gnss.positioning import POSITIONINGS
+from fusion.network.pass_columns import table_of
 from fusion.network.pass_factor import PassFactor
 from fusion.options import Named, OptionsModel, Registered
 from fusion.registry import DEFAULT_POSITIONING, Registry, check_columns
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
-from fusion.types import DrawnMeasurements, DriveLog, Progress, SegmentSlope, Track
+from fusion.types import DrawnMeasurements, DriveLog, Ints, Progress, SegmentSlope, Track
 
 
 class Method(Named, Protocol):
@@ -71,10 +73,16 @@ class DriveResult:
     track: Track
     slopes: tuple[SegmentSlope, ...]
     report: dict[str, Any]
-    factors: tuple[PassFactor, ...] = ()
+    factors: Sequence[PassFactor] = ()
     measurements: DrawnMeasurements | None = None
-    late_by: Callable[[float], tuple[PassFactor, ...]] | None = None
-    """The factors anew if the log's altimeter is so many seconds late, where it has one"""
+    late_by: Callable[..., Sequence[PassFactor]] | None = None
+    """``late_by(lag_s)``, or ``late_by(lag_s, progress)``: the factors anew if the log's altimeter is so many seconds
+    late, where it has one"""
+
+    @property
+    def in_network(self) -> Ints:
+        """The segments of its factors, ascending."""
+        return np.unique(table_of(self.factors).segment)
 
 
 class Options(OptionsModel):

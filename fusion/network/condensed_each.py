@@ -85,13 +85,13 @@ class _Drive:
     """What a drive says of its constants, part by part: of a part's own constants only the passes in it speak."""
 
     def __init__(self, drive: ConstantsInformation) -> None:
-        self._drive = drive
+        self._drive, self._diagonal = drive, drive.information.diagonal()
         of_part = np.isin(drive.keys[:, 0], PARTS_KINDS)
         self._common = np.flatnonzero(~of_part)
-        self._rows = {
-            int(part): np.flatnonzero(of_part & (drive.keys[:, 1] == part))
-            for part in np.unique(drive.keys[of_part, 1])
-        }
+        parts, own = np.flatnonzero(of_part), drive.keys[of_part, 1]
+        order = np.argsort(own, kind="stable")
+        names, first = np.unique(own[order], return_index=True)
+        self._rows = dict(zip(names.tolist(), np.split(parts[order], first[1:]), strict=False))
         self._out = {part: self._integrated(rows) for part, rows in self._rows.items()}
         size = len(self._common)
         nothing = np.zeros((size, size + 1))
@@ -102,8 +102,8 @@ class _Drive:
     def _integrated(self, rows: Ints) -> Floats:
         """What goes of the common constants, and of their vector, when those of a part are integrated out."""
         d = self._drive
-        inside = d.information[np.ix_(rows, rows)] + np.diag(_PRIOR[d.keys[rows, 0]])
-        across = d.information[np.ix_(rows, self._common)]
+        inside = d.information.dense(rows, rows) + np.diag(_PRIOR[d.keys[rows, 0]])
+        across = d.information.dense(rows, self._common)
         return np.asarray(across.T @ np.linalg.solve(inside, np.column_stack([across, d.vector[rows]])))
 
     def _about(self, part: int) -> _Spoken:
@@ -112,11 +112,11 @@ class _Drive:
             d = self._drive
             rows = np.sort(np.concatenate([self._common, self._rows.get(part, np.empty(0, np.int64))]))
             common = np.flatnonzero(np.isin(rows, self._common))
-            information, vector = d.information[np.ix_(rows, rows)].copy(), d.vector[rows].copy()
+            information, vector = d.information.dense(rows, rows), d.vector[rows].copy()
             out = self._all_out - self._out.get(part, 0.0)
             information[np.ix_(common, common)] -= out[:, :-1]
             vector[common] -= out[:, -1]
-            before = np.diagonal(d.information)[rows]
+            before = self._diagonal[rows]
             self._known[part] = _Spoken(d.keys[rows], information, vector, before)
         return self._known[part]
 

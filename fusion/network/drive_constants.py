@@ -14,6 +14,7 @@ from typing import Self
 
 import numpy as np
 
+from fusion.filters.symmetric_entries import SymmetricEntries
 from fusion.network.equations import Blocks
 from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, NUISANCES, SETTINGS, PassFactor, symmetric
 from fusion.network.road_beliefs import GRADE_SIGMA
@@ -26,26 +27,42 @@ ROUNDING = 1e-9
 """Of sums from which all is taken off again, less than this share is left."""
 
 
+PASSES_AT_ONCE = 1 << 14
+"""What they say is made of so many passes at once."""
+WHOLE_UP_TO = 300
+"""Constants of so many keys, of an hour and more, are stored as a whole triangle, as those of all drives once were."""
+_ENTRIES = -1.0
+"""The first number of what is stored as entries; the count of keys is that of a whole triangle."""
+
+
 @dataclass(frozen=True, eq=False)
 class ConstantsInformation:
     """Information (n, n) and vector (n,) over constants of a drive: ``keys`` (n, 2), ascending, are (kind, setting).
+
+    Most of the information is 0: constants of a part of the drive have nothing to do with those of another part, and a
+    long drive has tens of thousands.
 
     ``kind`` is the number in ``CONSTANTS``; the setting is 0 for constants that have none (``SETTINGS``).
     """
 
     keys: Ints
-    information: Floats
+    information: SymmetricEntries
     vector: Floats
 
     @classmethod
     def nothing(cls) -> Self:
         """Of no pass."""
-        return cls(np.empty((0, 2), np.int64), np.zeros((0, 0)), np.zeros(0))
+        return cls(np.empty((0, 2), np.int64), SymmetricEntries.of_dense(np.zeros((0, 0))), np.zeros(0))
 
     @classmethod
     def of_passes(cls, passes: Sequence[PassFactor], weight: Floats | None = None) -> Self:
         """What passes of one drive say, each on its own; ``weight`` (m,) is how much each is believed."""
-        return cls.of_marginals(passes, *marginals_of(passes, weight))
+        total = cls.nothing()
+        for first in range(0, len(passes), PASSES_AT_ONCE):
+            some = slice(first, first + PASSES_AT_ONCE)
+            said = marginals_of(passes[some], None if weight is None else weight[some])
+            total = total + cls.of_marginals(passes[some], *said)
+        return total
 
     @classmethod
     def of_marginals(cls, passes: Sequence[PassFactor], said: Floats, right: Floats) -> Self:
@@ -56,78 +73,98 @@ class ConstantsInformation:
         every = np.stack([np.broadcast_to(np.arange(len(CONSTANTS)), setting.shape), setting], axis=2)
         keys, number = _unique_keys(every.reshape(-1, 2))
         number = number.reshape(setting.shape)
-        information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
-        np.add.at(information, (number[:, :, None], number[:, None, :]), said)
-        np.add.at(vector, number, right)
-        informed = np.diagonal(information) > 0
-        order = np.flatnonzero(informed)
-        return cls(keys[order], information[np.ix_(order, order)], vector[order])
+        vector = np.asarray(np.bincount(number.ravel(), right.ravel(), len(keys)), float)
+        one, a, b = np.nonzero(said)
+        spoken = SymmetricEntries.of(len(keys), number[one, a], number[one, b], said[one, a, b])
+        return cls(keys, spoken, vector)._at(np.flatnonzero(spoken.diagonal() > 0))
 
-    def __add__(self, other: ConstantsInformation) -> ConstantsInformation:
+    def _at(self, rows: Ints) -> Self:
+        """Those of these rows, ascending."""
+        return type(self)(self.keys[rows], self.information.within(rows), self.vector[rows])
+
+    def __add__(self, other: Self) -> Self:
         return self._with(other, 1.0)
 
-    def __sub__(self, other: ConstantsInformation) -> ConstantsInformation:
+    def __sub__(self, other: Self) -> Self:
         left = self._with(other, -1.0)
         # Of what only the other spoke, rounding is left; it would tie together what has nothing to do with each other.
         mine = np.searchsorted(numbers_of(left.keys), numbers_of(self.keys))
         before = np.zeros(len(left.keys))
-        before[mine] = np.diagonal(self.information)
-        informed = np.flatnonzero(np.diagonal(left.information) > ROUNDING * before)
-        return ConstantsInformation(
-            left.keys[informed], left.information[np.ix_(informed, informed)], left.vector[informed]
-        )
+        before[mine] = self.information.diagonal()
+        return left._at(np.flatnonzero(left.information.diagonal() > ROUNDING * before))
 
-    def widened(self, widening: float) -> ConstantsInformation:
+    def widened(self, widening: float) -> Self:
         """The same of passes whose sigmas are ``widening`` times as large (``PassFactor.widened``)."""
         less = widening**-2.0
         return (
             self
             if widening == 1.0
-            else ConstantsInformation(self.keys, less * self.information, less * self.vector)
+            else type(self)(self.keys, self.information.times(less), less * self.vector)
         )
 
-    def _with(self, other: ConstantsInformation, sign: float) -> ConstantsInformation:
+    def _with(self, other: Self, sign: float) -> Self:
         keys, where = _unique_keys(np.concatenate([self.keys, other.keys]))
-        information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
-        for at, one, share in ((where[: len(self.keys)], self, 1.0), (where[len(self.keys) :], other, sign)):
-            information[np.ix_(at, at)] += share * one.information
-            vector[at] += share * one.vector
-        return ConstantsInformation(keys, information, vector)
+        mine, its = where[: len(self.keys)], where[len(self.keys) :]
+        a, b = self.information, other.information
+        information = SymmetricEntries.of(
+            len(keys),
+            np.concatenate([mine[a.row], its[b.row]]),
+            np.concatenate([mine[a.column], its[b.column]]),
+            np.concatenate([a.value, sign * b.value]),
+        )
+        vector = np.zeros(len(keys))
+        vector[mine] += self.vector
+        vector[its] += sign * other.vector
+        return type(self)(keys, information, vector)
 
     def onto(self, keys: Sequence[tuple[int, int]]) -> tuple[Floats, Floats]:
         """Information and vector over these constants; the others are integrated out, with what is believed of each."""
-        at = {(int(kind), int(mount)): k for k, (kind, mount) in enumerate(self.keys)}
+        at = {(kind, setting): k for k, (kind, setting) in enumerate(self.keys.tolist())}
         known = np.array([key in at for key in keys], bool)
         shared = np.array([at[key] for key in keys if key in at], np.int64)
         others = np.ones(len(self.keys), bool)
         others[shared] = False
         gone = np.flatnonzero(others)
         prior = np.array(CONSTANT_SIGMA)[self.keys[gone, 0]] ** -2.0
-        across = self.information[np.ix_(gone, shared)]
-        solved = np.linalg.solve(
-            self.information[np.ix_(gone, gone)] + np.diag(prior),
-            np.column_stack([across, self.vector[gone]]),
-        )
+        lost, lost_right = self.information.integrated(gone, prior, shared, self.vector)
         information, vector = np.zeros((len(keys), len(keys))), np.zeros(len(keys))
-        information[np.ix_(known, known)] = (
-            self.information[np.ix_(shared, shared)] - across.T @ solved[:, :-1]
-        )
-        vector[known] = self.vector[shared] - across.T @ solved[:, -1]
+        information[np.ix_(known, known)] = self.information.dense(shared, shared) - lost
+        vector[known] = self.vector[shared] - lost_right
         return information, vector
 
     def encode(self) -> bytes:
-        """As little-endian doubles: how many, keys, vector, upper triangle."""
-        upper = self.information[np.triu_indices(len(self.keys))]
-        numbers = [np.array([len(self.keys)]), self.keys.ravel(), self.vector, upper]
+        """As little-endian doubles: how many keys, keys, vector, upper triangle; of many keys ``_ENTRIES``, how many
+        keys and entries, keys, vector, and rows, columns and values of the upper triangle's entries."""
+        n, parts = len(self.keys), self.information
+        if n <= WHOLE_UP_TO:
+            upper = parts.dense(np.arange(n), np.arange(n))[np.triu_indices(n)]
+            numbers = [np.array([n]), self.keys.ravel(), self.vector, upper]
+        else:
+            told = parts.row <= parts.column
+            numbers = [np.array([_ENTRIES, n, np.count_nonzero(told)]), self.keys.ravel(), self.vector]
+            numbers += [one[told] for one in (parts.row, parts.column, parts.value)]
         return np.concatenate(numbers).astype("<f8").tobytes()
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
         """The inverse of ``encode``, bit for bit."""
         values = np.frombuffer(data, "<f8").astype(np.float64)
-        n = int(values[0])
-        keys, vector, upper = np.split(values[1:], [2 * n, 3 * n])
-        return cls(keys.astype(np.int64).reshape(n, 2), symmetric(upper, n), vector.copy())
+        if values[0] != _ENTRIES:
+            n = int(values[0])
+            keys, vector, upper = np.split(values[1:], [2 * n, 3 * n])
+            whole = SymmetricEntries.of_dense(symmetric(upper, n))
+            return cls(keys.astype(np.int64).reshape(n, 2), whole, vector.copy())
+        n, count = map(int, values[1:3])
+        keys, vector, row, column, value = np.split(values[3:], np.cumsum([2 * n, n, count, count]))
+        row, column = row.astype(np.int64), column.astype(np.int64)
+        off = row != column
+        information = SymmetricEntries.of(
+            n,
+            np.concatenate([row, column[off]]),
+            np.concatenate([column, row[off]]),
+            np.concatenate([value, value[off]]),
+        )
+        return cls(keys.astype(np.int64).reshape(n, 2), information, vector.copy())
 
 
 def numbers_of(keys: Ints) -> Ints:

@@ -9,11 +9,13 @@ unknowns. No other drive is known here.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from fusion.compiled import compiled
 from fusion.network.curve import variable_count
+from fusion.network.pass_columns import PACKED_AT_ONCE, PackedPasses
 from fusion.network.pass_factor import NUISANCES, PLACE_PART_S, PLACE_TAU_S, PassFactor
 from fusion.profile.levels import knows_lengths
 from fusion.profile.model import DRIFT, GUST_TAU_S, JUMP_SIGMA, MOUNT
@@ -25,24 +27,29 @@ from fusion.profile.traversals import (
     on_traversals,
     segment_lengths,
 )
-from fusion.types import Bools, Floats, GnssFix, Ints
+from fusion.types import Bools, Floats, GnssFix, Ints, Progress, no_progress
 
 
 def likelihoods(
-    data: OnTraversals, path: DrivenPath, walk_m2_per_s: tuple[float, float], drift_jumps_s: Floats
+    data: OnTraversals,
+    path: DrivenPath,
+    walk_m2_per_s: tuple[float, float],
+    drift_jumps_s: Floats,
+    some: slice = slice(None),
 ) -> list[tuple[Floats, Floats, float]]:
-    """Information (n, n), vector (n,) and square of every traversal, whose likelihood is
+    """Information (n, n), vector (n,) and square of every traversal, or ``some``, whose likelihood is
     exp(-(square - 2 vector' x + x' information x) / 2).
 
     At ``drift_jumps_s`` the error of the GNSS height changes suddenly.
     """
     match = path.match
-    size = variable_count(segment_lengths(path)[0]) + NUISANCES
+    size = variable_count(segment_lengths(path)[0][some]) + NUISANCES
     information, vector = np.zeros(int((size**2).sum())), np.zeros(int(size.sum()))
     square = np.zeros(len(size))
+    first = data.first[some.start : None if some.stop is None else some.stop + 1]
     sum_passes(
-        data, size, match.enter_time_s, match.leave_time_s, np.array(walk_m2_per_s), drift_jumps_s,
-        JUMP_SIGMA[DRIFT] ** 2, information, vector, square,
+        data._replace(first=first), size, match.enter_time_s[some], match.leave_time_s[some],
+        np.array(walk_m2_per_s), drift_jumps_s, JUMP_SIGMA[DRIFT] ** 2, information, vector, square,
     )  # fmt: skip
     matrices = np.split(information, np.cumsum(size**2))[:-1]
     vectors = np.split(vector, np.cumsum(size))[:-1]
@@ -197,41 +204,58 @@ PLACE_BOUND_M = 30.0
 _SAME_INSTANT_S = 0.2
 
 
-def pass_factors(drive: SmoothedDrive, fix: GnssFix) -> list[PassFactor]:
-    """The factors of all traversals that are probably right and were recorded whole, in driving order."""
+def pass_factors(
+    drive: SmoothedDrive, fix: GnssFix, progress: Progress = no_progress
+) -> Sequence[PassFactor]:
+    """The factors of all traversals that are probably right and were recorded whole, in driving order.
+
+    Of a long drive they are packed; ``progress`` is told how far they are.
+    """
+    made = _portions(drive, fix, progress)
+    count = len(drive.path.match)
+    if count > PACKED_AT_ONCE:
+        return PackedPasses.of(made)
+    return tuple(one for portion in made for one in portion)
+
+
+def _portions(drive: SmoothedDrive, fix: GnssFix, progress: Progress) -> Iterator[list[PassFactor]]:
     path, learned = drive.path, drive.learned
     data = on_traversals(drive, *place_sigma(path, fix))
     walk = (learned.expected.drift, learned.expected.baro_drift)
-    summed = likelihoods(data, path, walk, _times_of(drive, DRIFT))
+    jumps_s = _times_of(drive, DRIFT)
     mount, place, instants = _mount(path, _times_of(drive, MOUNT)), _place(path), _instants(data)
     grade_length_m = learned.noise.grade_length_m if knows_lengths(drive.measured) else 0.0
-    (length, scale), match, factors = segment_lengths(path), path.match, []
-    for k in np.flatnonzero(_usable(path)).tolist():
-        information, vector, square = summed[k]
-        weight = float(match.confidence[k])
-        low, high = sorted((float(match.enter_m[k] * scale[k]), float(match.leave_m[k] * scale[k])))
-        factors.append(
-            PassFactor(
-                segment=int(match.segment[k]),
-                sequence=k,
-                mount=int(mount[k]),
-                information=weight * information,
-                vector=weight * vector,
-                square=weight * square,
-                rows=int(data.first[k + 1] - data.first[k]),
-                walk_m2_per_s=walk,
-                start_m=low,
-                end_m=min(high, float(length[k])),
-                roughness=learned.expected.roughness,
-                observations=int(instants[k]),
-                first_time_s=float(match.enter_time_s[k]),
-                last_time_s=float(match.leave_time_s[k]),
-                place=int(place[k]),
-                lag_s=drive.altimeter.lag_s,
-                grade_length_m=grade_length_m,
+    (length, scale), match, usable = segment_lengths(path), path.match, _usable(path)
+    for first in range(0, len(match), PACKED_AT_ONCE):
+        progress("factors", first / len(match))
+        some, factors = slice(first, min(first + PACKED_AT_ONCE, len(match))), []
+        summed = likelihoods(data, path, walk, jumps_s, some)
+        for k in (first + np.flatnonzero(usable[some])).tolist():
+            information, vector, square = summed[k - first]
+            weight = float(match.confidence[k])
+            low, high = sorted((float(match.enter_m[k] * scale[k]), float(match.leave_m[k] * scale[k])))
+            factors.append(
+                PassFactor(
+                    segment=int(match.segment[k]),
+                    sequence=k,
+                    mount=int(mount[k]),
+                    information=weight * information,
+                    vector=weight * vector,
+                    square=weight * square,
+                    rows=int(data.first[k + 1] - data.first[k]),
+                    walk_m2_per_s=walk,
+                    start_m=low,
+                    end_m=min(high, float(length[k])),
+                    roughness=learned.expected.roughness,
+                    observations=int(instants[k]),
+                    first_time_s=float(match.enter_time_s[k]),
+                    last_time_s=float(match.leave_time_s[k]),
+                    place=int(place[k]),
+                    lag_s=drive.altimeter.lag_s,
+                    grade_length_m=grade_length_m,
+                )
             )
-        )
-    return factors
+        yield factors
 
 
 def place_sigma(path: DrivenPath, fix: GnssFix) -> tuple[Floats, Floats]:
@@ -267,8 +291,10 @@ def _place(path: DrivenPath) -> Ints:
 
 def _usable(path: DrivenPath) -> Bools:
     match = path.match
-    begin, end = (path.outages_s[:, [side]] for side in (0, 1))
-    unrecorded = np.any((match.enter_time_s < end) & (match.leave_time_s > begin), axis=0)
+    # Of outages that begin before it is left the last one to end: stated ones follow each other.
+    begun = np.searchsorted(path.outages_s[:, 0], match.leave_time_s)
+    until = np.concatenate([[-np.inf], np.maximum.accumulate(path.outages_s[:, 1])])
+    unrecorded = match.enter_time_s < until[begun]
     return np.asarray((match.confidence >= MIN_CONFIDENCE) & (match.enter_m != match.leave_m) & ~unrecorded)
 
 

@@ -6,7 +6,7 @@ changes of the drive are given; ``noise`` finds them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,9 +107,15 @@ def normalised_square(smoothed: Scores, variance: Floats, usual: Floats) -> Floa
 
 
 def most_likely(
-    measured: Measurements, epochs: SmootherEpochs, noise: Noise, prior: Prior, weight: Floats, jumps: Jumps
+    measured: Measurements,
+    epochs: SmootherEpochs,
+    noise: Noise,
+    prior: Prior,
+    weight: Floats,
+    jumps: Jumps,
+    look: Callable[[], None] = lambda: None,
 ) -> Noise:
-    """Levels near the most likely ones, from ``noise`` on, held by weak priors."""
+    """Levels near the most likely ones, from ``noise`` on, held by weak priors; ``look``: before each step."""
     if noise.grade_length_m == RANDOM_WALK_M and knows_lengths(measured):
         noise = noise.with_(grade_length_m=float(np.exp(LOG_GRADE_LENGTH[0])))
     likelihood = _Likelihood.about(measured, epochs, noise, weight, jumps)
@@ -124,6 +130,7 @@ def most_likely(
         return noise.with_(**dict(zip(names, np.exp(begin + step / scale).tolist(), strict=True)))
 
     def loss(step: Floats) -> tuple[float, Floats]:
+        look()
         value, gradient = likelihood.at(at(step))
         off = (begin + step / scale - mean) / sigma
         return 0.5 * float(off @ off) - value, (off / sigma - gradient) / scale
@@ -144,7 +151,13 @@ def most_likely(
 
 
 def log_sigmas(
-    measured: Measurements, epochs: SmootherEpochs, noise: Noise, prior: Prior, weight: Floats, jumps: Jumps
+    measured: Measurements,
+    epochs: SmootherEpochs,
+    noise: Noise,
+    prior: Prior,
+    weight: Floats,
+    jumps: Jumps,
+    look: Callable[[], None] = lambda: None,
 ) -> dict[str, float]:
     """How uncertain the logs of the levels are near the most likely ones, ``noise``; 0 where a level is the least.
 
@@ -158,6 +171,7 @@ def log_sigmas(
     free = [k for k, n in enumerate(names) if getattr(noise, n) > 1.01 * _least().get(n, 0.0)]
     bend = np.zeros((len(free), len(free)))
     for row, k in enumerate(free):
+        look()
         there = likelihood.at(noise.with_(**{names[k]: getattr(noise, names[k]) * np.exp(_BEND_STEP)}))[1]
         bend[row] = ((here - there) / _BEND_STEP)[free]
     sigma = sigma[free]
@@ -238,8 +252,8 @@ class _Likelihood:
         variance = white_level(sensor, noise) ** 2 * self.unit + self.misalignment
         parts = {name: step_noise(self.epochs, noise, name) for name in self.rates}
         total = {entry: self.fixed[entry] + value for part in parts.values() for entry, value in part.items()}
-        carried = grades_carried(self.epochs, length)
         learns_length = knows_lengths(self.measured)
+        carried = grades_carried(self.epochs, length) if learns_length else {}
         scores = self.model.at_levels(total, carried, variance).scores(GRADE if learns_length else -1)
         white = scores.level_score(variance) * (1 - self.misalignment / variance)
         by_sensor = np.bincount(sensor, white, len(SENSORS))

@@ -5,7 +5,12 @@ Only the order of the work stands here, and the drive's own slopes, for which it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -13,8 +18,11 @@ from pydantic import Field
 from fusion.errors import MissingSensorError, NoMatchError
 from fusion.matching.drive import MatchOptions
 from fusion.methods.base import DriveResult, Options
-from fusion.network.adjust import adjust
+from fusion.network.adjust import adjust, adjust_from, tasks_of
+from fusion.network.blockwise.partition import bisected
+from fusion.network.pass_columns import PackedPasses, table_of
 from fusion.network.pass_factor import PassFactor
+from fusion.network.segment_slopes import Adjustment
 from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
 from fusion.profile.factors import pass_factors
@@ -27,8 +35,19 @@ from fusion.profile.prior import ALTIMETER_DRIFT, RECEIVER_DRIFT, UsualDrift, pr
 from fusion.profile.report import build_track, drawn_measurements, drive_report
 from fusion.profile.traversals import Altimeter, SmoothedDrive
 from fusion.roads.network import RoadNetwork
+from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
-from fusion.types import CUES, DriveLog, Floats, GnssFix, Ints, Progress, SegmentSlope
+from fusion.types import (
+    CUES,
+    DriveLog,
+    Floats,
+    GnssFix,
+    Ints,
+    Progress,
+    SegmentSlope,
+    no_progress,
+    within,
+)
 
 USUAL_LAG_S = 1.5
 """How late an altimeter is where nothing is known: between none and the three seconds that slow filters take."""
@@ -36,6 +55,10 @@ COMPUTER_STEP_M = 0.2
 """Steps of heights in files of bicycle computers: FIT states altitudes in fifths of a metre. Such heights come from a
 barometer behind a filter, whatever their errors look like."""
 _USUAL_DRIFT = (RECEIVER_DRIFT, ALTIMETER_DRIFT)
+BLOCK_SEGMENTS = 6000
+"""Of a long drive so many segments are solved at once."""
+SMALL_TASKS = 8
+"""As if so many hands worked on the blocks: then each is a task of its own, and the drive can be stopped between."""
 MIN_MEASUREMENTS = 4
 """Fewer say nothing of a slope."""
 
@@ -90,10 +113,11 @@ class _LateBy:
     sensor: int
     usual: UsualDrift | None
 
-    def __call__(self, lag_s: float) -> tuple[PassFactor, ...]:
+    def __call__(self, lag_s: float, progress: Progress = no_progress) -> Sequence[PassFactor]:
         then = Altimeter(self.sensor, lag_s)
         measured = _measure(self.raw, self.dem, self.options, then)
-        return tuple(pass_factors(_smooth(self.raw, measured, then, self.usual), self.fix))
+        drive = _smooth(self.raw, measured, then, self.usual, within(progress, 0.0, 0.9))
+        return pass_factors(drive, self.fix, within(progress, 0.9, 1.0))
 
 
 class ProfileMethod:
@@ -119,7 +143,9 @@ class ProfileMethod:
     ) -> DriveResult:
         """See ``Method.estimate``."""
         progress("match", 0.0)
-        path = find_path(log, network, MatchOptions(radius_m=options.match_radius_m))
+        path = find_path(
+            log, network, MatchOptions(radius_m=options.match_radius_m), within(progress, 0.0, 0.3)
+        )
         if path is None:
             raise NoMatchError(
                 "No stretch of the log follows a road. Import the roads of that area, or check that the log's "
@@ -127,21 +153,20 @@ class ProfileMethod:
             )
         progress("smooth", 0.3)
         raw = _PreparedDrive.of(log, path, options.sensors())
-        drive, late, usual = _learned(raw, dem, options)
+        drive, late, usual = _learned(raw, dem, options, within(progress, 0.3, 0.7))
         progress("factors", 0.7)
-        factors = tuple(pass_factors(drive, log.fix))
-        terrain = dem if options.dem else None
-        slopes = adjusted_slopes(network, factors, terrain)
-        track = build_track(drive)
-        report = drive_report(log, drive, factors, raw.inertia)
-        drawn = drawn_measurements(drive)
-
+        factors = pass_factors(drive, log.fix, within(progress, 0.7, 0.75))
+        track, drawn = build_track(drive), drawn_measurements(drive)
+        report = drive_report(log, drive, factors, raw.inertia, within(progress, 0.75, 0.8))
         late_by = _LateBy(raw, log.fix, dem, options, late.sensor, usual) if late.sensor >= 0 else None
+        del drive, path, raw  # of a long drive they are as large as what its slopes take
+        terrain = dem if options.dem else None
+        slopes = adjusted_slopes(network, factors, terrain, within(progress, 0.8, 1.0))
         return DriveResult(track, slopes, report, factors, drawn, late_by)
 
 
 def _learned(
-    raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions
+    raw: _PreparedDrive, dem: Dem | None, options: ProfileOptions, progress: Progress
 ) -> tuple[SmoothedDrive, Altimeter, UsualDrift | None]:
     """The smoothed drive, whether its heights are an altimeter's, whose filter makes them late, and the usual drift.
 
@@ -149,16 +174,19 @@ def _learned(
     noisy drive shows no drift, and is taken for a receiver's. Only to see the drift, a drive is learned from twice.
     """
     measured, drive, late = _measure(raw, dem, options, Altimeter()), None, Altimeter()
+    again = progress
     if _may_be_late(raw.log, measured):
         late = Altimeter(ALTITUDE, USUAL_LAG_S)
         if not _in_steps(raw.log.fix.alt_msl_m):
-            drive = _smooth(raw, measured, Altimeter())
+            drive = _smooth(raw, measured, Altimeter(), progress=within(progress, 0.0, 0.5))
+            again = within(progress, 0.5, 1.0)
             late = late if drive.learned.noise.drift < ALTIMETER_DRIFT.rate else Altimeter()
     usual = None if tells_drift(measured) else _USUAL_DRIFT[late.sensor >= 0]
-    if late.sensor >= 0:
-        drive = _smooth(raw, _measure(raw, dem, options, late), late, usual)
-    elif usual or drive is None:
-        drive = _smooth(raw, measured, late, usual)
+    if drive is None or late.sensor >= 0 or usual:
+        drive = None  # it is large
+        if late.sensor >= 0:
+            measured = _measure(raw, dem, options, late)
+        drive = _smooth(raw, measured, late, usual, again)
     return drive, late, usual
 
 
@@ -190,32 +218,38 @@ def _measure(
 
 
 def _smooth(
-    raw: _PreparedDrive, measured: Measurements, altimeter: Altimeter, usual_drift: UsualDrift | None = None
+    raw: _PreparedDrive,
+    measured: Measurements,
+    altimeter: Altimeter,
+    usual_drift: UsualDrift | None = None,
+    progress: Progress = no_progress,
 ) -> SmoothedDrive:
     epochs = build_smoother_epochs(measured, raw.path)
     by_satellites = not _in_steps(raw.log.fix.alt_msl_m)
-    learned = learn(measured, epochs, prior_of(measured, usual_drift), by_satellites=by_satellites)
+    prior = prior_of(measured, usual_drift)
+    learned = learn(measured, epochs, prior, by_satellites=by_satellites, progress=progress)
     return SmoothedDrive(raw.path, measured, epochs, learned, altimeter)
 
 
 def adjusted_slopes(
-    network: RoadNetwork, factors: tuple[PassFactor, ...], dem: Dem | None
+    network: RoadNetwork, factors: Sequence[PassFactor], dem: Dem | None, progress: Progress = no_progress
 ) -> tuple[SegmentSlope, ...]:
     """The slopes of one drive's segments: its factors solved like the network's, alone."""
     if not factors:
         return ()
-    rows: Ints = np.unique([f.segment for f in factors])
+    every = table_of(factors)
+    rows, segment = np.unique(every.segment, return_inverse=True)
     table = network.table.subset(rows)
-    row_of = {int(row): k for k, row in enumerate(rows)}
-    passes = [f.over(row_of[f.segment]) for f in factors]
     terrain = (
         Terrain(dem.heights_along(*knot_positions(table), knot_rows(table))) if dem is not None else None
     )
-    solved = adjust(table, {0: passes}, terrain)
+    if isinstance(factors, PackedPasses):
+        solved = _in_blocks(table, factors.over(segment), terrain, progress)
+    else:
+        solved = adjust(table, {0: [f.over(int(k)) for f, k in zip(factors, segment, strict=True)]}, terrain)
     first, last = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
-    for one in passes:
-        first[one.segment] = min(first[one.segment], one.first_time_s)
-        last[one.segment] = max(last[one.segment], one.last_time_s)
+    np.minimum.at(first, segment, every.first_time_s)
+    np.maximum.at(last, segment, every.last_time_s)
     return tuple(
         SegmentSlope(
             segment=int(row),
@@ -228,3 +262,43 @@ def adjusted_slopes(
         )
         for k, row in enumerate(rows)
     )
+
+
+def _in_blocks(
+    table: RoadTable, passes: PackedPasses, terrain: Terrain | None, progress: Progress
+) -> Adjustment:
+    """The solution of a long drive, of which one block is in memory at a time."""
+    with TemporaryDirectory(prefix="versant-drive-") as folder:
+        blocks = bisected(table, BLOCK_SEGMENTS, folder=Path(folder))
+        blocks = replace(blocks, hands=SMALL_TASKS, executor=_InTurn(progress, tasks_of(blocks)))
+        return adjust_from(_BlocksOf(passes, blocks.block[passes.table.segment]), table, blocks, terrain)
+
+
+@dataclass(frozen=True, eq=False)
+class _BlocksOf:
+    """A ``PassSource`` of one drive; ``block`` (m,) is that of each pass."""
+
+    passes_of_all: PackedPasses
+    block: Ints
+
+    def passes(self, block: int) -> dict[int, list[PassFactor]]:
+        """See ``PassSource``."""
+        return {0: self.passes_of_all.decoded(np.flatnonzero(self.block == block).tolist())}
+
+
+class _InTurn(Executor):
+    """Does each task when it is handed over, and says before each how many of about so many are done."""
+
+    def __init__(self, progress: Progress, tasks: int) -> None:
+        self._progress, self._tasks, self._done = progress, tasks, 0
+
+    def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        """See ``Executor``."""
+        self._progress("slopes", min(self._done / self._tasks, 1.0))
+        self._done += 1
+        future: Future[Any] = Future()
+        try:
+            future.set_result(work(*arguments, **named))
+        except Exception as error:
+            future.set_exception(error)
+        return future

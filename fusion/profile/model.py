@@ -144,21 +144,22 @@ def pitch_partner(measured: Measurements) -> Ints:
 
 def design(measured: Measurements, share: Floats) -> Floats:
     """Rows (m, STATES) of what each measurement sees; ``share`` (m,) is that of ``decorrelated``."""
-    out = np.zeros((len(measured), STATES))
+    out = np.zeros((len(measured), STATES), order="F")  # a column that is not written takes no memory
     sensor = measured.sensor
     heights = measured.of(ALTITUDE, BARO, TERRAIN)
     out[heights, HEIGHT] = 1.0
     out[sensor == ALTITUDE, DRIFT] = 1.0
     out[np.ix_(sensor == BARO, (BARO_DRIFT, GUST))] = 1.0
-    out[:, SPEED_PRESSURE] = np.where(sensor == BARO, -speed_head(measured.speed_mps), 0.0)
+    pressed = sensor == BARO
+    out[pressed, SPEED_PRESSURE] = -speed_head(measured.speed_mps[pressed])
     out[sensor == TERRAIN, DEM_ERROR] = 1.0
     out[~heights, GRADE] = 1.0 - share[~heights]
     felt = measured.of(PITCH, FORCE)
     out[felt, MOUNT] = out[felt, WANDER] = 1.0 - share[felt]
     # The specific force has the same acceleration taken off, with the same error, and would teach a wrong squat. So it
     # sees only the squat of the pitch that is taken off it.
-    squat = np.where(sensor == PITCH, 1.0, np.where(sensor == FORCE, -share, 0.0))
-    out[:, SQUAT] = squat * measured.acceleration_mps2
+    squat = np.where(sensor == PITCH, 1.0, -share)
+    out[felt, SQUAT] = (squat * measured.acceleration_mps2)[felt]
     out[sensor == FORCE, BIAS] = 1.0
     return out
 
@@ -246,7 +247,7 @@ def linear_model(
 ) -> LinearModel:
     """The model for the filter, with the ``variance`` of each measurement (m,) and sudden changes at ``jumps``."""
     dt, ds = epochs.steps
-    transition = {(state, state): np.ones(len(dt)) for state in range(STATES)}
+    transition = {(state, state): np.broadcast_to(1.0, len(dt)) for state in range(STATES)}
     transition |= grades_carried(epochs, noise.grade_length_m)
     transition[DRIFT, DRIFT] = np.exp(-dt / DRIFT_TAU_S)
     transition[WANDER, WANDER] = np.exp(-dt / WANDER_TAU_S)

@@ -7,7 +7,9 @@ breaks with the model.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 from scipy.special import gammaln
@@ -38,7 +40,7 @@ from fusion.profile.model import (
     white_variance,
 )
 from fusion.profile.prior import Prior
-from fusion.types import Bools, Floats
+from fusion.types import Bools, Floats, Ints, Progress, no_progress
 
 FIRST_ROUNDS, ROUNDS = 3, 3
 """Rounds of rough steps from wherever the levels start, and rounds of likely levels, weights and sudden changes after
@@ -74,6 +76,16 @@ _SHARED_PRIOR_COUNT = 15.0
 """Imaginary pairs of pitch and force whose errors have nothing in common."""
 
 
+USUAL_LOOKS = 60
+"""About so often the smoother goes over a drive until its levels are known."""
+
+
+def counted_looks(progress: Progress) -> Callable[[], None]:
+    """To be called whenever the smoother is about to go over the drive."""
+    numbers = count()
+    return lambda: progress("smooth", min(next(numbers) / USUAL_LOOKS, 1.0))
+
+
 @dataclass(frozen=True, eq=False)
 class Learned:
     """What a drive says of itself.
@@ -93,32 +105,38 @@ class Learned:
 
 
 def learn(
-    measured: Measurements, epochs: SmootherEpochs, prior: Prior, *, by_satellites: bool = True
+    measured: Measurements,
+    epochs: SmootherEpochs,
+    prior: Prior,
+    *,
+    by_satellites: bool = True,
+    progress: Progress = no_progress,
 ) -> Learned:
     """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
-    noise, jumps, variance, smoothed, robust = _levels(measured, epochs, prior)
+    look = counted_looks(progress)
+    noise, jumps, variance, smoothed, robust = _levels(measured, epochs, prior, look)
     filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
     every = np.ones(len(measured), bool), np.ones(len(measured))
     used, repeated = _apart(measured) if filtered else every
     chosen = measured.take(used), replace(epochs, of_measurement=epochs.of_measurement[used])
     if filtered:
-        noise = most_likely(*chosen, noise, prior, robust[used], jumps)
+        noise = most_likely(*chosen, noise, prior, robust[used], jumps, look)
         variance = gaussian_variance(measured, noise) * repeated / robust
         smoothed = linear_model(measured, epochs, noise, variance, jumps).scores()
-    likely = expected(noise, log_sigmas(*chosen, noise, prior, robust[used], jumps))
+    likely = expected(noise, log_sigmas(*chosen, noise, prior, robust[used], jumps, look))
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
     weight = np.where(_muted(measured), 1.0, _tail_weights(measured, square) * _outlier_factor(square))
     variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
     model = linear_model(measured, epochs, likely, variance, jumps)
-    smoothed = model.smooth()
+    smoothed = replace(model.smooth(unseen=False), pull={}, pull_precision={}, carry_pull={})
     outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
     return Learned(noise, likely, variance, outlier, jumps, model, smoothed)
 
 
 def _levels(
-    measured: Measurements, epochs: SmootherEpochs, prior: Prior
+    measured: Measurements, epochs: SmootherEpochs, prior: Prior, look: Callable[[], None]
 ) -> tuple[Noise, Jumps, Floats, Scores, Floats]:
     """Levels, sudden changes, variances, what the smoother says by them, and new weights, found in rounds.
 
@@ -131,17 +149,21 @@ def _levels(
     noise, weight = prior.noise.with_(shared=SHARED_START if paired else 0.0), counts
     model = linear_model(measured, epochs, noise, weight)
     for _ in range(FIRST_ROUNDS):
+        look()
         noise, weight = expected_levels(measured, model, noise, weight)
         weight = weight * counts
     for _ in range(ROUNDS):
-        noise = most_likely(measured, epochs, noise, prior, weight, jumps)
+        del model  # before the next one is made: both are large
+        noise = most_likely(measured, epochs, noise, prior, weight, jumps, look)
         usual = gaussian_variance(measured, noise)
         variance = usual / weight
         model = linear_model(measured, epochs, noise, variance, jumps)
-        smoothed = model.smooth() if paired else model.scores()
+        springs = _Springs.of(measured, epochs, noise) if paired else None
+        smoothed = model.smooth(springs.look, unseen=False) if springs else model.scores()
         jumps = _with_jump(epochs, smoothed, jumps)
-        if isinstance(smoothed, Smoothed):
-            noise = noise.with_(**_shared(measured, epochs, noise, smoothed, variance))
+        if springs:
+            noise = noise.with_(**springs.shared(smoothed, variance))
+        smoothed = smoothed.of_measurements()
         square = np.maximum(normalised_square(smoothed, variance, usual), 1e-9)
         weight = np.minimum(1.0, TAIL_SIGMAS**2 / square) * _outlier_factor(square) * counts
     return noise, jumps, variance, smoothed, weight
@@ -213,23 +235,48 @@ def _with_jump(epochs: SmootherEpochs, smoothed: Scores, jumps: Jumps) -> Jumps:
     return tuple(extended)
 
 
-def _shared(
-    measured: Measurements, epochs: SmootherEpochs, noise: Noise, smoothed: Smoothed, variance: Floats
-) -> dict[str, float]:
-    """The share of the pitch's error in the force beside it, by regression of the errors expected given everything."""
-    partner = pitch_partner(measured)
-    force = np.flatnonzero(partner >= 0)
-    if len(force) <= 20:
-        return {}
-    pitch = partner[force]
-    error = variance * smoothed.residual / smoothed.residual_variance
-    seen = design(measured, decorrelated(measured, noise)[1])
-    covariance = smoothed.covariance[epochs.of_measurement[force]]
-    both = error[force] * error[pitch] + np.einsum("mi,mij,mj->m", seen[force], covariance, seen[pitch])
-    alone = error[pitch] ** 2 + np.einsum("mi,mij,mj->m", seen[pitch], covariance, seen[pitch])
-    # The force holds what is left after ``shared`` of the pitch was taken off.
-    left = float(np.sum(both) / (np.sum(alone) + _SHARED_PRIOR_COUNT * noise.pitch**2))
-    return {"shared": float(np.clip(noise.shared + left, 0.0, 0.9))}
+@dataclass(frozen=True, eq=False)
+class _Springs:
+    """The share of the pitch's error in the force beside it, by regression of the errors expected given everything.
+
+    ``force`` and ``pitch`` (p,) are the measurements, ``seen`` (m, states) what each measurement sees; ``together`` (2,
+    p) are, once the smoother has shown covariances, what these make of both errors and of that of the pitch alone.
+    """
+
+    noise: Noise
+    force: Ints
+    pitch: Ints
+    seen: Floats
+    epoch: Ints
+    together: Floats
+
+    @classmethod
+    def of(cls, measured: Measurements, epochs: SmootherEpochs, noise: Noise) -> _Springs:
+        """Before the smoother has run."""
+        partner = pitch_partner(measured)
+        force = np.flatnonzero(partner >= 0)
+        seen = design(measured, decorrelated(measured, noise)[1])
+        epoch, together = epochs.of_measurement[force], np.zeros((2, len(force)))
+        return cls(noise, force, partner[force], seen, epoch, together)
+
+    def look(self, piece: slice, covariance: Floats) -> None:
+        """See ``smoother.Look``."""
+        mine = slice(*np.searchsorted(self.epoch, [piece.start, piece.stop]))
+        at = covariance[self.epoch[mine] - piece.start]
+        pitch = self.seen[self.pitch[mine]]
+        for out, one in zip(self.together, (self.seen[self.force[mine]], pitch), strict=True):
+            out[mine] = np.einsum("mi,mij,mj->m", one, at, pitch)
+
+    def shared(self, smoothed: Scores, variance: Floats) -> dict[str, float]:
+        """The level, from what it was in ``noise`` on."""
+        if len(self.force) <= 20:
+            return {}
+        error = variance * smoothed.residual / smoothed.residual_variance
+        both = error[self.force] * error[self.pitch] + self.together[0]
+        alone = error[self.pitch] ** 2 + self.together[1]
+        # The force holds what is left after ``shared`` of the pitch was taken off.
+        left = float(np.sum(both) / (np.sum(alone) + _SHARED_PRIOR_COUNT * self.noise.pitch**2))
+        return {"shared": float(np.clip(self.noise.shared + left, 0.0, 0.9))}
 
 
 def _correlation_inflation(measured: Measurements, smoothed: Scores, variance: Floats) -> Floats:

@@ -13,7 +13,17 @@ from fusion.matching.drive import DriveMatcher, MatchOptions
 from fusion.matching.path import PathMatch
 from fusion.network.joints import grade_change_sigma
 from fusion.roads.network import RoadNetwork
-from fusion.types import LONGEST_BRIDGED_OUTAGE_S, Bools, DriveLog, Floats, GnssFix, Ints
+from fusion.types import (
+    LONGEST_BRIDGED_OUTAGE_S,
+    Bools,
+    DriveLog,
+    Floats,
+    GnssFix,
+    Ints,
+    Progress,
+    no_progress,
+    within,
+)
 
 FIX_PERIOD_S = 0.5
 """Positions closer together than this are thinned before matching."""
@@ -119,7 +129,9 @@ def ground_speed(log: DriveLog) -> tuple[Floats, Floats, float]:
     return merged[order], np.concatenate([speed, scale * own_speed])[order], scale
 
 
-def find_path(log: DriveLog, network: RoadNetwork, options: MatchOptions) -> DrivenPath | None:
+def find_path(
+    log: DriveLog, network: RoadNetwork, options: MatchOptions, progress: Progress = no_progress
+) -> DrivenPath | None:
     """Match the drive and smooth its way along the path; None where nothing lies on a road."""
     fix = thinned(log.fix, FIX_PERIOD_S)
     speed_time, speed, _ = ground_speed(log)
@@ -143,15 +155,16 @@ def find_path(log: DriveLog, network: RoadNetwork, options: MatchOptions) -> Dri
         heading_rad=_course(log, time),
         speed_mps=_known_near(speed_time, speed, time),
         sigma_m=merged(fix.h_acc_m),
+        progress=within(progress, 0.0, 0.7),
     )
     matched = match.traversal >= 0
     if matched.sum() < 2:
         return None
     corners = corner_variance(match, network)
-    parts = [
-        _smoothed_run(match, corners, time, matched, number, (speed_time, speed))
-        for number in np.unique(match.run[match.traversal[matched]]).tolist()
-    ]
+    numbers, parts = np.unique(match.run[match.traversal[matched]]).tolist(), []
+    for number in numbers:
+        progress("match", 0.7 + 0.3 * number / (numbers[-1] + 1))
+        parts.append(_smoothed_run(match, corners, time, matched, number, (speed_time, speed)))
     knots, along, run = (np.concatenate(column) for column in zip(*parts, strict=True))
     outages = _outages(log.outages_s, fix.time_s)
     on_path = matched[np.argsort(order)][: len(fix)]

@@ -7,7 +7,7 @@ runs again only to show what each sensor was worth.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from fusion.arrays import nearest
 from fusion.filters.smoother import Smoothed
+from fusion.network.pass_columns import table_of
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import displaced
 from fusion.profile.blocks import Estimate, spaced
@@ -45,7 +46,16 @@ from fusion.profile.model import (
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath, ground_speed
 from fusion.profile.traversals import SmoothedDrive
-from fusion.types import LONGEST_BRIDGED_OUTAGE_S, DrawnMeasurements, DriveLog, Floats, Ints, Track
+from fusion.types import (
+    LONGEST_BRIDGED_OUTAGE_S,
+    DrawnMeasurements,
+    DriveLog,
+    Floats,
+    Ints,
+    Progress,
+    Track,
+    no_progress,
+)
 
 PERIOD_S = 0.5
 """Rows of a track are about so far apart, or as far as the positions."""
@@ -109,7 +119,7 @@ def _smoothed_at(time: Floats, along: Floats, run: Ints, epochs: SmootherEpochs,
 
     Between epochs by proportion, before the first and behind the last of a stretch straight on.
     """
-    mean, variance = learned.smoothed.mean, np.diagonal(learned.smoothed.covariance, axis1=1, axis2=2)
+    mean, variance = learned.smoothed.mean, learned.smoothed.variance
     columns = [c for s in (HEIGHT, GRADE) for c in (mean[:, s], np.sqrt(variance[:, s]))]
     out = np.full((len(time), len(columns)), np.nan)
     for number in np.unique(epochs.run):
@@ -165,6 +175,7 @@ def drive_report(
     drive: SmoothedDrive,
     factors: Sequence[PassFactor],
     inertia: Inertia | None,
+    progress: Progress = no_progress,
 ) -> dict[str, Any]:
     """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds.
 
@@ -172,13 +183,17 @@ def drive_report(
     """
     path, measured, learned = drive.path, drive.measured, drive.learned
     match, lengths = path.match, path.network.table.length_m
-    without = {code: _without(drive, code) for code in np.unique(measured.sensor).tolist()}
-    complete = [f.end_m - f.start_m >= WHOLE_SHARE * lengths[f.segment] for f in factors]
+    without = {}
+    for code in np.unique(measured.sensor).tolist():
+        progress("slopes", code / len(SENSORS))
+        without[code] = _Without.of(drive, code)
+    passes = table_of(factors)
+    complete = passes.end_m - passes.start_m >= WHOLE_SHARE * lengths[passes.segment]
     report = {
         "matched_share": float(np.mean(path.matched)),
         "breaks": [{"time_s": float(b.time_s), "reason": b.reason} for b in match.breaks],
         "passes": len(factors),
-        "passes_of_part_of_a_segment": len(factors) - int(np.sum(complete)),
+        "passes_of_part_of_a_segment": len(factors) - int(np.count_nonzero(complete)),
         "passes_dropped_as_uncertain": int(np.count_nonzero(match.confidence < MIN_CONFIDENCE)),
         "noise": asdict(learned.noise),
         "own_speed_scale": ground_speed(log)[2],
@@ -199,7 +214,7 @@ def _mount(drive: SmoothedDrive) -> dict[str, Any] | None:
         return None
     learned, smoothed = drive.learned, drive.learned.smoothed
     grade = smoothed.mean[-1, MOUNT]
-    sigma = float(np.sqrt(smoothed.covariance[-1, MOUNT, MOUNT]))
+    sigma = float(np.sqrt(smoothed.variance[-1, MOUNT]))
     moves = []
     for k in sorted(k for k, state in learned.jumps if state == MOUNT):
         before, after = smoothed.mean[[k - 1, k], MOUNT]
@@ -231,8 +246,8 @@ def _speed_pressure(learned: Learned, measured: Measurements) -> dict[str, Any] 
     """The share of the dynamic pressure that a barometer feels; None without pressure."""
     if not (measured.sensor == BARO).any():
         return None
-    mean, covariance = learned.smoothed.mean[-1], learned.smoothed.covariance[-1]
-    share, sigma = float(mean[SPEED_PRESSURE]), float(np.sqrt(covariance[SPEED_PRESSURE, SPEED_PRESSURE]))
+    mean, variance = learned.smoothed.mean[-1], learned.smoothed.variance[-1]
+    share, sigma = float(mean[SPEED_PRESSURE]), float(np.sqrt(variance[SPEED_PRESSURE]))
     return {"share": share, "found_share": {"value": share, "sigma": sigma}}
 
 
@@ -241,36 +256,45 @@ def _found(estimate: Estimate, unit: float = 1.0) -> dict[str, float] | None:
     return {"value": unit * estimate.value, "sigma": unit * estimate.sigma} if known else None
 
 
-def _without(drive: SmoothedDrive, sensor: int) -> Smoothed:
-    """The drive without a sensor: as if its errors were beyond all measure. The epochs stay the same."""
-    learned = drive.learned
-    variance = np.where(drive.measured.sensor == sensor, 1e12, learned.variance)
-    return learned.model.at_levels({}, {}, variance).smooth()
+@dataclass(frozen=True, eq=False)
+class _Without:
+    """The drive without a sensor: the median sigma of its grades, and its heights (n,) at the epochs."""
+
+    grade_sigma_percent: float
+    height_m: Floats
+
+    @classmethod
+    def of(cls, drive: SmoothedDrive, sensor: int) -> _Without:
+        """As if the sensor's errors were beyond all measure. The epochs stay the same."""
+        learned = drive.learned
+        variance = np.where(drive.measured.sensor == sensor, 1e12, learned.variance)
+        smoothed = learned.model.at_levels({}, {}, variance).smooth(unseen=False)
+        return cls(_grade_sigma(smoothed), smoothed.mean[:, HEIGHT].copy())
 
 
 def _contributions(
-    measured: Measurements, learned: Learned, without: Mapping[int, Smoothed]
+    measured: Measurements, learned: Learned, without: Mapping[int, _Without]
 ) -> dict[str, dict[str, float]]:
     """For each sensor: measurements, outliers, and the median sigma of the grade with all and without this one."""
-    everything = _grade_sigma(learned.smoothed.covariance)
+    everything = _grade_sigma(learned.smoothed)
     return {
         SENSORS[code]: {
             "measurements": int(np.count_nonzero(measured.sensor == code)),
             "outliers": int(learned.outlier[measured.sensor == code].sum()),
             "grade_sigma_percent": everything,
-            "grade_sigma_percent_without": _grade_sigma(smoothed.covariance),
+            "grade_sigma_percent_without": one.grade_sigma_percent,
         }
-        for code, smoothed in without.items()
+        for code, one in without.items()
     }
 
 
-def _elevation_model(drive: SmoothedDrive, without: Smoothed | None) -> list[str]:
+def _elevation_model(drive: SmoothedDrive, without: _Without | None) -> list[str]:
     """Where the elevation model stands out, by the drive's own heights; nothing where it has none."""
     path, measured = drive.path, drive.measured
     if without is None or not measured.of(ALTITUDE, BARO).any():
         return []
     mine = np.flatnonzero(measured.sensor == TERRAIN)
-    above = measured.value[mine] - without.mean[drive.epochs.of_measurement[mine], HEIGHT]
+    above = measured.value[mine] - without.height_m[drive.epochs.of_measurement[mine]]
     outliers = displaced(above, np.full(len(mine), DEM_SPACING_M))
     if outliers is None:
         return []
@@ -279,8 +303,8 @@ def _elevation_model(drive: SmoothedDrive, without: Smoothed | None) -> list[str
     return [outliers.said(float(table.lat0_deg[segment]), float(table.lon0_deg[segment]))]
 
 
-def _grade_sigma(covariance: Floats) -> float:
-    return 100 * float(np.sqrt(np.median(covariance[:, GRADE, GRADE])))
+def _grade_sigma(smoothed: Smoothed) -> float:
+    return 100 * float(np.sqrt(np.median(smoothed.variance[:, GRADE])))
 
 
 def _warnings(log: DriveLog, measured: Measurements, report: dict[str, Any]) -> list[str]:

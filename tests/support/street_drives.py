@@ -55,7 +55,7 @@ def drive_log(kind: str, seed: int = 3) -> DriveLog:
 
 
 def factors_of(one: Smoothed, altimeter: Altimeter = NONE) -> list[PassFactor]:
-    return pass_factors(replace(one, altimeter=altimeter), one.fix)
+    return list(pass_factors(replace(one, altimeter=altimeter), one.fix))
 
 
 def data_of(one: Smoothed, altimeter: Altimeter = NONE) -> OnTraversals:

@@ -25,6 +25,8 @@ from app.network import results as slopes
 from app.roads import imports as road_imports
 from app.roads.documents import Wishes
 from fusion.pipeline import run_drive
+from fusion.profile import levels, noise
+from fusion.profile.model import Noise
 from fusion.simulate.scene.town import Town
 from fusion.types import Progress
 from processing_support import carry_out_removals, drive_now, process_drive, remove_drive, state
@@ -60,6 +62,24 @@ def test_a_drive_deleted_while_it_runs_is_discarded(
     with context.sessions() as session:
         for table in ("drives", "drive_tracks", "provenances", "segment_slopes"):
             assert session.execute(text(f"SELECT count(*) FROM {table}")).scalar_one() == 0
+
+
+def test_a_drive_deleted_while_its_noise_is_learned_ends_there(
+    context: JobContext, send: Send, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A long drive is gone through for a minute in that stage alone."""
+    drive = send(0, "profile")
+    learned = []
+
+    def most_likely(*arguments: Any) -> Noise:
+        learned.append(1)
+        intake.remove_drive(context.sessions, drive.id)
+        return levels.most_likely(*arguments)
+
+    monkeypatch.setattr(machine, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(noise, "most_likely", most_likely)
+    assert process_drive(context, drive.id, 1) is Outcome.DISCARDED
+    assert len(learned) == 1
 
 
 def test_a_drive_asked_for_anew_while_it_runs_is_discarded(

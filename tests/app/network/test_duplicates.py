@@ -253,7 +253,7 @@ def test_drives_of_a_place_and_hour_come_one_after_the_other(
 
     def over(rows: range, begin_s: float) -> list[PassFactor]:
         made = passes_of(table, dict.fromkeys(rows, (2.0, 0.5)), begin_s=begin_s)
-        return results.in_database([factor for factor, _ in made], ids)
+        return list(results.in_database([factor for factor, _ in made], ids))
 
     here = over(range(8), BEGIN_S)
     assert waits(sessions, here, over(range(8), BEGIN_S))

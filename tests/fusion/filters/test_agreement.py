@@ -8,6 +8,7 @@ import pytest
 from fusion.filters import kalman
 from fusion.filters.smoother import LinearModel
 from fusion.filters.unscented import Unscented
+from smoothing import smoothed_with_covariances
 
 STEPS = 150
 TRANSITION = np.kron(np.eye(2), [[1.0, 0.5], [0.0, 1.0]])
@@ -79,8 +80,8 @@ def test_the_smoother_ends_where_the_filter_ends() -> None:
         value=VALUES.ravel(),
         variance=np.tile(np.diag(NOISE), STEPS),
     )
-    smoothed = model.smooth()
-    assert_equal([(smoothed.mean[-1], smoothed.covariance[-1])], linear()[-1:])
+    smoothed, covariance = smoothed_with_covariances(model)
+    assert_equal([(smoothed.mean[-1], covariance[-1])], linear()[-1:])
 
     likelihood, state = 0.0, (np.zeros(4), 10.0 * np.eye(4))
     for z in VALUES:

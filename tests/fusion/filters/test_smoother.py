@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fusion.filters import smoother
 from fusion.filters.smoother import LinearModel, Smoothed
+from smoothing import smoothed_with_covariances
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +124,12 @@ class Dense:
 
 def check(model: Matrices) -> None:
     """Everything that ``smooth`` says, against the dense solution."""
-    dense, smoothed = Dense(model), model.smooth()
+    dense, (smoothed, found) = Dense(model), smoothed_with_covariances(model.model())
     mean, covariance = dense.posterior()
     assert smoothed.mean == pytest.approx(mean, rel=1e-7, abs=1e-7)
-    assert smoothed.covariance == pytest.approx(covariance, rel=1e-7, abs=1e-7)
-    assert np.array_equal(smoothed.covariance, smoothed.covariance.transpose(0, 2, 1))
+    assert found == pytest.approx(covariance, rel=1e-7, abs=1e-7)
+    assert np.array_equal(found, found.transpose(0, 2, 1))
+    assert np.array_equal(smoothed.variance, np.diagonal(found, axis1=1, axis2=2))
     expected = np.array([dense.left_out(i) for i in range(len(model.step))]).reshape(-1, 2).T
     assert smoothed.residual == pytest.approx(expected[0], rel=1e-6, abs=1e-7)
     assert smoothed.residual_variance == pytest.approx(expected[1], rel=1e-6)
@@ -175,7 +178,7 @@ def test_a_constant_that_is_measured_again_and_again_is_averaged() -> None:
     smoothed = constant(value, 1e4, 4.0).smooth()
     precision = n / 4.0 + 1e-4
     assert smoothed.mean == pytest.approx(np.full((n, 1), value.sum() / 4.0 / precision))
-    assert smoothed.covariance == pytest.approx(np.full((n, 1, 1), 1 / precision), rel=1e-5)
+    assert smoothed.variance == pytest.approx(np.full((n, 1), 1 / precision), rel=1e-5)
     # The residual against the mean of the others is n / (n - 1) times that against the mean of all.
     assert smoothed.residual == pytest.approx((value - value.mean()) * n / (n - 1), abs=0.01)
 
@@ -183,7 +186,7 @@ def test_a_constant_that_is_measured_again_and_again_is_averaged() -> None:
 def test_a_vague_start_costs_no_digits() -> None:
     """A height known to a kilometre at first and then to a centimetre: the first variance is as good as the last."""
     smoothed = constant(np.full(40, 7.0), 1e6, 1e-4).smooth()
-    assert smoothed.covariance.ravel() == pytest.approx(np.full(40, 1 / (40 / 1e-4 + 1e-6)), rel=0.01)
+    assert smoothed.variance.ravel() == pytest.approx(np.full(40, 1 / (40 / 1e-4 + 1e-6)), rel=0.01)
 
 
 def test_a_state_that_nobody_measures_keeps_what_was_known_of_it() -> None:
@@ -193,7 +196,7 @@ def test_a_state_that_nobody_measures_keeps_what_was_known_of_it() -> None:
     blind.covariance[0, 1:] = blind.covariance[1:, 0] = 0.0
     smoothed = blind.smooth()
     assert smoothed.mean[:, 0] == pytest.approx(np.full(6, blind.mean[0]))
-    assert smoothed.covariance[:, 0, 0] == pytest.approx(np.full(6, blind.covariance[0, 0]))
+    assert smoothed.variance[:, 0] == pytest.approx(np.full(6, blind.covariance[0, 0]))
     check(blind)
 
 
@@ -276,3 +279,27 @@ def test_a_model_at_other_levels_is_the_model_with_these_levels() -> None:
     expected = replace(model, noise=noise, variance=variance, transition=transition)
     np.testing.assert_array_equal(there.smooth().mean, expected.smooth().mean)
     assert there.scores().log_likelihood == expected.smooth().log_likelihood
+
+
+@pytest.mark.parametrize("rows", [0, 40])
+def test_a_long_model_in_pieces_is_the_same(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit for bit, but for the sum of the pieces' likelihoods; a state that nobody sees included."""
+    model = random_model(5, 23, 4, rows=rows)
+    model.transition[:, 0, 1:] = model.transition[:, 1:, 0] = 0.0
+    model.noise[:, 0, 1:] = model.noise[:, 1:, 0] = 0.0
+    model.covariance[0, 1:] = model.covariance[1:, 0] = 0.0
+    model.design[:, 0] = 0.0
+    whole, covariance = smoothed_with_covariances(model.model())
+    scores = model.model().scores(2)
+    monkeypatch.setattr(smoother, "PIECE_STEPS", 5)
+    pieces, again = smoothed_with_covariances(model.model())
+    np.testing.assert_array_equal(again, covariance)
+    for name in ("mean", "variance", "residual", "residual_variance"):
+        np.testing.assert_array_equal(getattr(pieces, name), getattr(whole, name))
+    assert pieces.log_likelihood == pytest.approx(whole.log_likelihood, rel=1e-12)
+    there = model.model().scores(2)
+    for name in ("pull", "pull_precision", "carry_pull"):
+        here = getattr(scores, name)
+        assert here.keys() == getattr(there, name).keys()
+        for entry, column in getattr(there, name).items():
+            np.testing.assert_array_equal(column[1:], here[entry][1:])

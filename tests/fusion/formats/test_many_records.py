@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fusion.errors import MalformedLogError
-from fusion.formats import base, read_log, read_logs
+from fusion.formats import base, read_log, read_logs, xml_points
 
 HEAD = b"time_s,lat_deg,lon_deg\n"
 
@@ -51,7 +51,8 @@ def test_files_of_one_drive_are_counted_together(monkeypatch: pytest.MonkeyPatch
         read_logs([HEAD + rows(60), HEAD + rows(60, first=1000)])
 
 
-def test_three_million_rows_are_not_read_to_their_end() -> None:
+def test_three_million_rows_are_not_read_to_their_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(base, "MAX_POSITIONS", 500_000)
     share = 0.0
 
     def progress(stage: str, done: float) -> None:
@@ -61,3 +62,25 @@ def test_three_million_rows_are_not_read_to_their_end() -> None:
     with pytest.raises(MalformedLogError, match="more than 500000 positions"):
         read_log(HEAD + rows(1_000) + rows(1_500_000, first=5_000), progress=progress)
     assert share < 0.8
+
+
+def test_signals_of_satellites_have_a_bound_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(base, "MAX_SIGNALS", 100)
+    base.refuse_many(101, 100)
+    with pytest.raises(MalformedLogError, match=r"more than 100 signals of satellites.* Split the recording"):
+        base.refuse_many(0, 101)
+
+
+def test_times_are_read_in_portions_with_the_same_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One point has no time, one a time that is none: they are counted and named as in one go."""
+    content = (
+        points(60).replace(b"<time>2024-01-01T00:00:07Z</time>", b"").replace(b"T00:00:21Z", b"T25:00:21Z")
+    )
+    whole = read_log(content)
+    monkeypatch.setattr(xml_points, "CHUNK_BYTES", 300)
+    monkeypatch.setattr(xml_points, "TIMES_AT_ONCE", 5)
+    again = read_log(content)
+    assert again.fix.time_s.tolist() == whole.fix.time_s.tolist()
+    assert len(again.fix) == 58
+    assert (again.skipped, again.warnings) == (whole.skipped, whole.warnings)
+    assert "T25:00:21Z" in str(whole.warnings)

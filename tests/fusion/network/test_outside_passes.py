@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fusion.filters import symmetric_entries
+from fusion.network import drive_constants
 from fusion.network.adjust import adjust
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.drive_constants import FREE_INFORMATION, ConstantsInformation
@@ -44,11 +46,16 @@ def integrated(one: PassFactor) -> tuple[np.ndarray, np.ndarray]:
     return left[np.ix_(constants, constants)].astype(float), left[constants, n].astype(float)
 
 
+def dense(said: ConstantsInformation) -> np.ndarray:
+    every = np.arange(len(said.keys))
+    return said.information.dense(every, every)
+
+
 def assert_same(left: ConstantsInformation, right: ConstantsInformation, rel: float = 1e-9) -> None:
     assert left.keys.tolist() == right.keys.tolist()
-    scale = np.sqrt(np.diagonal(right.information)) + 1e-9
-    assert left.information / scale / scale[:, None] == pytest.approx(
-        right.information / scale / scale[:, None], abs=rel
+    scale = np.sqrt(np.diagonal(dense(right))) + 1e-9
+    assert dense(left) / scale / scale[:, None] == pytest.approx(
+        dense(right) / scale / scale[:, None], abs=rel
     )
     assert left.vector / scale == pytest.approx(
         right.vector / scale, abs=rel * (1 + np.abs(right.vector / scale).max(initial=0))
@@ -65,7 +72,7 @@ def test_a_pass_as_by_dense_integration(seed: int) -> None:
         np.flatnonzero(np.diagonal(information) <= 0).tolist()
     ) or len(kinds) == len(CONSTANTS)
     scale = np.sqrt(np.maximum(np.diagonal(information), 1e-6))
-    difference = said.information - information[np.ix_(kinds, kinds)]
+    difference = dense(said) - information[np.ix_(kinds, kinds)]
     assert np.abs(difference / scale[kinds] / scale[kinds][:, None]).max() < 1e-5
     assert (said.vector / scale[kinds]) == pytest.approx(vector[kinds] / scale[kinds], rel=1e-5, abs=1e-5)
 
@@ -79,7 +86,9 @@ def test_parts_add_up_in_any_order_and_can_be_taken_off(seed: int, cut: int, mou
     assert_same(second + first, whole)
     rest = whole - first
     left = [k for k, key in enumerate(rest.keys.tolist()) if key in second.keys.tolist()]
-    same_keys = ConstantsInformation(rest.keys[left], rest.information[np.ix_(left, left)], rest.vector[left])
+    same_keys = ConstantsInformation(
+        rest.keys[left], rest.information.within(np.array(left, int)), rest.vector[left]
+    )
     assert_same(same_keys, second, 1e-6)
 
 
@@ -93,12 +102,35 @@ def test_passes_that_are_not_believed_say_nothing() -> None:
     assert_same(ConstantsInformation.of_passes(passes, weight), ConstantsInformation.of_passes(believed))
 
 
+@pytest.mark.parametrize("whole_up_to", [300, 0])
 @pytest.mark.parametrize("count", [0, 1, 9])
-def test_bytes_bring_back_every_bit(count: int) -> None:
+def test_bytes_bring_back_every_bit(count: int, whole_up_to: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stored as a whole triangle, or as its entries."""
     said = ConstantsInformation.of_passes(some_passes(1, count, 2))
+    monkeypatch.setattr(drive_constants, "WHOLE_UP_TO", whole_up_to)
     again = ConstantsInformation.decode(said.encode())
-    for name in ("keys", "information", "vector"):
+    for name in ("keys", "vector"):
         assert np.array_equal(getattr(again, name), getattr(said, name))
+    assert np.array_equal(dense(again), dense(said))
+
+
+def test_a_long_drive_is_added_up_in_portions(monkeypatch: pytest.MonkeyPatch) -> None:
+    passes = some_passes(4, 12, 3)
+    whole = ConstantsInformation.of_passes(passes)
+    monkeypatch.setattr(drive_constants, "PASSES_AT_ONCE", 5)
+    assert_same(ConstantsInformation.of_passes(passes), whole, 1e-12)
+
+
+def test_constants_by_the_thousand_are_integrated_out_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = ConstantsInformation.of_passes(some_passes(5, 12, 5))
+    keys = [*map(tuple, said.keys[::3].tolist()), (MOUNT, 99)]
+    information, vector = said.onto(keys)
+    monkeypatch.setattr(symmetric_entries, "DENSE_UP_TO", 2)
+    monkeypatch.setattr(symmetric_entries, "_COLUMNS_AT_ONCE", 3)
+    found, right = said.onto(keys)
+    scale = np.sqrt(np.diagonal(information)) + 1e-9
+    assert found / scale / scale[:, None] == pytest.approx(information / scale / scale[:, None], abs=1e-9)
+    assert right / scale == pytest.approx(vector / scale, rel=1e-7, abs=1e-7)
 
 
 def test_onto_some_of_the_constants_the_others_are_integrated_out() -> None:
@@ -109,7 +141,7 @@ def test_onto_some_of_the_constants_the_others_are_integrated_out() -> None:
     whole = [tuple(key) for key in said.keys.tolist()]
     kept = [whole.index(key) for key in keys[:2]]
     hold = np.where(np.isin(np.arange(len(whole)), kept), 1.0, sigma**-2)
-    covariance = np.linalg.inv(said.information + np.diag(hold))
+    covariance = np.linalg.inv(dense(said) + np.diag(hold))
     expected = np.linalg.inv(covariance[np.ix_(kept, kept)])
     assert information[:2, :2] + np.eye(2) == pytest.approx(expected, rel=1e-8)
     assert vector[:2] == pytest.approx(expected @ (covariance @ said.vector)[kept], rel=1e-8, abs=1e-8)

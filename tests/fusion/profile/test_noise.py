@@ -68,7 +68,7 @@ def test_what_the_log_states_does_not_decide() -> None:
 
 def scores(one: Simulated, learned: Learned) -> np.ndarray:
     """Errors of the smoothed grade in sigmas, every 10 s."""
-    sigma = np.sqrt(learned.smoothed.covariance[:, GRADE, GRADE])
+    sigma = np.sqrt(learned.smoothed.variance[:, GRADE])
     return np.asarray((learned.smoothed.mean[:, GRADE] - one.grade) / sigma)[5::10]
 
 
@@ -90,8 +90,8 @@ def test_errors_that_pitch_and_force_share_count_once(springs: float, low: float
         level = float(np.hypot(springs, own))
         for sigmas, known in ((both, noise), (one, noise.with_(shared=0.0, pitch=level, force=1e3))):
             variance = white_variance(drive.measured, known)
-            covariance = linear_model(drive.measured, drive.epochs, known, variance).smooth().covariance
-            sigmas.append(float(np.sqrt(np.median(covariance[:, GRADE, GRADE]))))
+            by = linear_model(drive.measured, drive.epochs, known, variance).smooth()
+            sigmas.append(float(np.sqrt(np.median(by.variance[:, GRADE]))))
     assert low < np.mean(both) / np.mean(one) < high
     assert np.mean(np.concatenate(inside)) > 0.8
 
@@ -136,7 +136,7 @@ def test_a_mount_that_moves_is_found_where_it_does(share: float, degrees: float)
     assert len(times) == 1
     assert abs(times[0] - share * 600) <= 4
     before, after = learned.smoothed.mean[[int(share * 600) - 20, int(share * 600) + 20], MOUNT]
-    sigma = np.sqrt(learned.smoothed.covariance[:, MOUNT, MOUNT].max())
+    sigma = np.sqrt(learned.smoothed.variance[:, MOUNT].max())
     assert abs(after - before - np.tan(np.radians(degrees))) < 4 * sigma
     assert np.mean(np.abs(scores(moved, learned)) < 2.6) > 0.9
 
@@ -170,7 +170,7 @@ def test_wild_values_are_outliers_and_do_little() -> None:
     others = np.setdiff1d(np.arange(len(one.measured)), wild)
     assert after.outlier[others].sum() < 0.01 * len(one.measured)
     moved = after.smoothed.mean[:, GRADE] - before.smoothed.mean[:, GRADE]
-    assert np.sqrt(np.mean(moved**2)) < np.sqrt(np.mean(before.smoothed.covariance[:, GRADE, GRADE]))
+    assert np.sqrt(np.mean(moved**2)) < np.sqrt(np.mean(before.smoothed.variance[:, GRADE]))
 
 
 def test_errors_that_repeat_weigh_less() -> None:
@@ -224,7 +224,7 @@ def test_heights_that_a_filter_has_smoothed_are_not_taken_for_errorless(truth: N
         for by_satellites, found in z.items():
             by = learn(measured, one.epochs, prior_of(measured), by_satellites=by_satellites).smoothed
             error = by.mean[:, GRADE] - one.grade
-            found.append(np.mean(error**2 / by.covariance[:, GRADE, GRADE]))
+            found.append(np.mean(error**2 / by.variance[:, GRADE]))
     assert np.sqrt(np.mean(z[True])) < 0.85 * np.sqrt(np.mean(z[False]))
     assert np.sqrt(np.mean(z[True])) < bound
 

@@ -1,5 +1,6 @@
 /** Where a drive is that has not ended well yet: its progress, why it failed, that it is gone. */
 import { stageText } from "../shared/drives";
+import { duration } from "../shared/format";
 import { isNoLog, onPage } from "../shared/remarks";
 import { hasText, t } from "../shared/texts";
 import { RetryButton } from "./Actions";
@@ -23,6 +24,9 @@ export function Waiting({ drive }: { drive: Drive }) {
           ? t("drive.status.waits")
           : t("drive.status.at", { stage: stageOf(drive.stage), percent })}
       </p>
+      {drive.remaining_s !== null && (
+        <p class="quiet-text">{t("drive.status.left", { time: duration(drive.remaining_s) })}</p>
+      )}
       <p class="quiet-text">{t(again ? "drive.status.old_shown" : "drive.status.live")}</p>
     </section>
   );
