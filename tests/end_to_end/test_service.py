@@ -156,6 +156,7 @@ def test_fuse_gives_the_numbers_of_the_service(
             slope, height = 0.1 * properties["slope_sigma_percent"], 0.6 * properties["height_sigma_m"]
             close = {
                 "slope_percent": {"abs": slope},
+                "steepness_percent": {"abs": slope},
                 "slope_sigma_percent": {"rel": 0.02},
                 "steepest_percent": {"abs": 1.5 * slope},
                 "height_from_m": {"abs": height},

@@ -279,6 +279,7 @@ def test_a_region_is_imported_once_its_plan_is_approved_and_removed_again(
     card.get_by_role("button", name="Carry it out").click()  # the plan was the question
     card.get_by_role("heading", name="Waiting").wait_for()
     work()
+    page.goto(f"{web.base}/admin#roads")  # the way to the action has folded it
     regions = page.get_by_role("table", name="Regions of the road network")
     regions.get_by_role("link", name="here").wait_for()
     regions.get_by_role("button", name="Remove here").click()

@@ -116,7 +116,8 @@ def opened(tab: Tab, address: str) -> Page:
 def test_hovering_links_profile_and_map(drives: Drives, tab: Tab) -> None:
     page = opened(tab, drives.address("first.csv"))
     marker = page.locator(".track-marker")
-    expect(page.get_by_role("region", name="Map of the drive").last).to_be_visible()
+    drawn = page.get_by_role("region", name="Map of the drive").last
+    expect(drawn).to_be_visible()
     heights = page.locator(".u-over").first
     heights.scroll_into_view_if_needed()
     heights.hover(position={"x": 300, "y": 60})
@@ -126,12 +127,16 @@ def test_hovering_links_profile_and_map(drives: Drives, tab: Tab) -> None:
     assert "grade" in (said or "")
     assert sliders.nth(0).input_value() == sliders.nth(1).input_value() != "0"
     # Back from the map: the place of the marker is a place of the track.
-    spot = marker.bounding_box()
+    spot, all_of_it = marker.bounding_box(), drawn.bounding_box()
     assert spot is not None
+    assert all_of_it is not None
     heights.hover(position={"x": 500, "y": 60})
     page.mouse.move(0, 0)
     before = sliders.nth(0).input_value()
-    page.mouse.move(spot["x"] + spot["width"] / 2, spot["y"] + spot["height"] / 2)
+    place = {axis: spot[axis] - all_of_it[axis] for axis in ("x", "y")}
+    drawn.hover(
+        position={"x": place["x"] + spot["width"] / 2, "y": place["y"] + spot["height"] / 2}, force=True
+    )
     expect(sliders.nth(0)).not_to_have_value(before)
 
 

@@ -47,7 +47,7 @@ def test_a_part_of_it(web: Any) -> None:
 
 def test_several_files_are_one_zip(web: Any) -> None:
     files = [("file", ("a.csv", LOG)), ("file", ("b.csv", LOG.replace(b"49.0", b"49.1")))]
-    drive = web.client.post("/v1/drives", files=files).json()["id"]
+    drive = web.client.post("/v1/drives", params={"grouping": "one"}, files=files).json()["id"]
     answer = web.client.get(f"/v1/drives/{drive}/log")
     assert 'filename="a.csv, b.csv.zip"' in answer.headers["content-disposition"]
     assert sorted(zipfile.ZipFile(io.BytesIO(answer.content)).namelist()) == ["a.csv", "b.csv"]
