@@ -6,6 +6,7 @@ import json
 import re
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -261,6 +262,10 @@ STEPS = {
 }
 
 
+USUAL = 3
+"""Steps of a page that are tried every time: all pages write their addresses by the same code."""
+
+
 def state(page: Page, shown: str, like: object = None, unlike: object = None) -> object:
     """What the page shows, once it is so or no longer so."""
     ends = time.monotonic() + PATIENCE_MS / 1000
@@ -277,7 +282,17 @@ def state(page: Page, shown: str, like: object = None, unlike: object = None) ->
         page.wait_for_timeout(200)
 
 
-@pytest.mark.parametrize("name", STEPS)
+def tried() -> Iterator[Any]:
+    """The first steps of each page, and the others where there is time."""
+    so_far = Counter[str]()
+    for name in STEPS:
+        so_far[name.split(":")[0]] += 1
+        usual = so_far[name.split(":")[0]] <= USUAL
+        marks = () if usual else (pytest.mark.long("seven seconds of a browser for each of two dozen steps"),)
+        yield pytest.param(name, marks=marks)
+
+
+@pytest.mark.parametrize("name", [*tried()])
 def test_back_forward_reload_and_a_link(filled: Filled, tab_maker: Callable[..., Tab], name: str) -> None:
     step = STEPS[name]
     base = filled.web.base
