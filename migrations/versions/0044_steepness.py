@@ -1,8 +1,10 @@
 """Segments and ways are found by their steepness, the slope without its sign, so that the steepest come first whichever
 way they are drawn.
 
-Adds indexes only: programs of the revision before run beside it. What publishes slopes waits while they are made, some
-seconds for a million segments with a slope.
+Adds indexes only. What publishes slopes waits while they are made, some seconds for a million segments with a slope.
+
+Programs of the revision before do not run beside it: they cannot read what drives of more than an hour say of their
+constants from now on (``fusion.network.drive_constants``). After going back such drives are to be computed again.
 """
 
 import sqlalchemy as sa
@@ -12,8 +14,6 @@ revision = "0044"
 down_revision = "0043"
 branch_labels = None
 depends_on = None
-
-oldest_program = down_revision
 
 _STEEPNESS = "abs(slope_percent)"
 _SCHEMAS = (None, "edition")
