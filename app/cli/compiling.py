@@ -4,8 +4,8 @@
 
 That takes two and a half minutes and more than a gigabyte while LLVM optimises; on disk (``fusion.compiled``) it serves
 all processes. Done when an image is built, by ``make setup``, and by a worker where it finds that nobody has.
-``--first``: the default method alone, by which most drives are computed. ``--processes``: as many go through the other
-methods side by side. Where all is there nothing is done.
+``--first``: the default method alone, by which most drives are computed. ``--processes``: as many share the work. Where
+all is there nothing is done.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.sparse
 from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from pydantic import BaseModel
 
@@ -33,6 +34,7 @@ from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.compiled import cache_folder
 from fusion.errors import FusionError
 from fusion.filters.smoother import LANES, LinearModel
+from fusion.filters.sparse_inverse import NormalEquations
 from fusion.formats import read_log, read_logs
 from fusion.pipeline import parse_options, positions_of, run_drive
 from fusion.profile.model import STATES
@@ -77,7 +79,7 @@ def main() -> None:
         prog="python -m app.cli.compiling", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument("--first", action="store_true", help="the default method alone")
-    parser.add_argument("--processes", type=int, default=1, help="as many go through the other methods")
+    parser.add_argument("--processes", type=int, default=1, help="as many share the work")
     options = parser.parse_args()
     compile_ahead(first=options.first, processes=options.processes, tell=_tell)
 
@@ -88,9 +90,9 @@ def compile_ahead(
     """Run what is not known to have been run with this code on this processor; ``tell(name, number, of)`` each."""
     if is_compiled(first=first):
         return
-    with _scene() as scene:
+    with _scene(raw=not first) as scene:
         steps = list(_first_steps(scene) if first else _steps(scene))
-        for number, name in enumerate(_run_all(steps, processes), 1):
+        for number, name in enumerate(_run_all(steps, processes, first=first), 1):
             tell(name, number, len(steps))
     for done in {True, first}:
         if mark := _mark(first=done):
@@ -98,7 +100,7 @@ def compile_ahead(
                 mark.touch()
 
 
-def _run_all(steps: list[Step], processes: int) -> Iterator[str]:
+def _run_all(steps: list[Step], processes: int, *, first: bool) -> Iterator[str]:
     """Names of the steps as they end."""
     if processes < 2:
         for name, run in steps:
@@ -106,21 +108,22 @@ def _run_all(steps: list[Step], processes: int) -> Iterator[str]:
             yield name
         return
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap_unordered(_run_one, range(len(steps)))
+        yield from pool.imap_unordered(partial(_run_one, first=first), range(len(steps)))
         pool.close()  # processes that are killed, as the end of ``with`` does, leave their folder behind
         pool.join()
 
 
-def _run_one(number: int) -> str:
-    name, run = _steps_of_this_process()[number]
+def _run_one(number: int, *, first: bool) -> str:
+    name, run = _steps_of_this_process(first=first)[number]
     run()
     return name
 
 
 @cache
-def _steps_of_this_process() -> list[Step]:
-    """All steps on a scene of the process's own, which lasts as long as it does."""
-    return list(_steps(_LASTING.enter_context(_scene())))
+def _steps_of_this_process(*, first: bool) -> list[Step]:
+    """The steps on a scene of the process's own, which lasts as long as it does."""
+    scene = _LASTING.enter_context(_scene(raw=not first))
+    return list(_first_steps(scene) if first else _steps(scene))
 
 
 def is_compiled(*, first: bool = False) -> bool:
@@ -140,26 +143,25 @@ def load() -> None:
 
     Nothing here starts a thread that a fork would lose, and none of OpenMP, whose loops no forked process may enter.
     """
-    with _scene(whole=False) as scene:
+    with _scene(raw=False, csv=False) as scene:
         for _, run in _first_steps(scene):
             run()
 
 
 @contextmanager
-def _scene(*, whole: bool = True) -> Iterator[Scene]:
+def _scene(*, raw: bool = True, csv: bool = True) -> Iterator[Scene]:
     town = make_town(1)
     drive = simulate_drive(town, 5, DURATION_S)
     with tempfile.TemporaryDirectory(prefix="versant-") as name:
         folder = Path(name)
         write_dem(town, folder / "dem.tif")
         write_ubx(drive, folder / "drive.ubx")
-        logs, raw = [read_log(folder / "drive.ubx")], []
-        if whole:
-            raw = _raw_logs(drive, folder)
+        logs = [read_log(folder / "drive.ubx")]
+        if csv:
             write_csv(drive, folder / "drive.csv")
             logs.append(read_log(folder / "drive.csv"))  # which starts threads of Arrow
         with Dem.open([folder / "dem.tif"]) as dem:
-            yield Scene(logs, raw, town.roads, dem)
+            yield Scene(logs, _raw_logs(drive, folder) if raw else [], town.roads, dem)
 
 
 def _raw_logs(drive: SimulatedDrive, folder: Path) -> list[DriveLog]:
@@ -173,20 +175,26 @@ def _raw_logs(drive: SimulatedDrive, folder: Path) -> list[DriveLog]:
 
 
 def _first_steps(scene: Scene) -> Iterator[Step]:
-    """What a drive without further wishes goes through, and what is solved after it."""
+    """What a drive without further wishes goes through, and what is solved after it.
+
+    What needs no drive comes first: where two processes share the work, the other one finds it compiled.
+    """
 
     def estimate_and_solve() -> None:
         drives = [run_drive(log, scene.roads, scene.dem) for log in scene.logs]
         solve(drives, scene.roads, scene.dem, gaps=True)
 
-    def smooth() -> None:
+    def smooth_and_solve() -> None:
         for states in range(1, STATES + 1, LANES):
             one = {(state, state): np.ones(2) for state in range(states)}
             start, seen = (np.zeros(states), np.eye(states)), (np.zeros(1, np.int64), np.ones((1, states)))
             LinearModel(2, one, one, *start, *seen, np.zeros(1), np.ones(1)).smooth()
+        equations = NormalEquations.of(scipy.sparse.csc_matrix([[2.0, 1.0], [1.0, 2.0]]))
+        equations.solve(np.ones(2))
+        equations.covariance(np.array([[0, 1]]))
 
+    yield "smoothers and equations", smooth_and_solve
     yield DEFAULT_METHOD, estimate_and_solve
-    yield f"{DEFAULT_METHOD} of few and many sensors", smooth
 
 
 def _steps(scene: Scene) -> Iterator[Step]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 PLAIN_WIDTH = 10_000  # columns of a table that goes into a file or a pipe: one line per row
 SHORT_CELL = 40  # characters that a terminal always has room for
+QUIET_S = 10.0  # without a word where lines stand for bars: short work has none, long work one every so often
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,11 @@ class Console:
 
     @contextmanager
     def progress(self) -> Iterator[Bars]:
-        """Bars on standard error while the block runs; nothing where that is no terminal, or when quiet."""
+        """Bars on standard error while the block runs, lines where that is no terminal; nothing when quiet."""
         err = rich.console.Console(stderr=True)
+        if not self.quiet and not err.is_terminal:
+            yield Lines()
+            return
         columns = (
             SpinnerColumn(),
             TextColumn("{task.description}", markup=False),
@@ -91,9 +96,7 @@ class Console:
             TimeRemainingColumn(),
             TextColumn("{task.fields[stage]}", markup=False),
         )
-        with Progress(
-            *columns, console=err, transient=True, disable=self.quiet or not err.is_terminal
-        ) as bars:
+        with Progress(*columns, console=err, transient=True, disable=self.quiet) as bars:
             yield Bars(bars)
 
 
@@ -124,6 +127,35 @@ class Bars:
         """A new bar over ``total`` units; call it with how many more are done."""
         task = self._bars.add_task(name, total=max(total, 1), stage="")
         return lambda units: self._bars.update(task, advance=units)
+
+
+class Lines(Bars):
+    """Lines for those who read a file or a pipe: of long work, every ``QUIET_S`` seconds what is done and how far."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._said_s = clock()
+
+    def work(self, name: str) -> ProgressCall:
+        """Work that tells its stage and its share."""
+        return lambda stage, share: self._say(name, share, stage)
+
+    def count(self, name: str, total: int) -> Callable[[int], None]:
+        """Work of ``total`` units; call it with how many more are done."""
+        done = 0
+
+        def more(units: int) -> None:
+            nonlocal done
+            done += units
+            self._say(name, done / max(total, 1), "")
+
+        return more
+
+    def _say(self, name: str, share: float, stage: str) -> None:
+        if self._clock() - self._said_s < QUIET_S:
+            return
+        self._said_s = self._clock()
+        typer.echo(f"{name}: {min(share, 1.0):.0%}{f', {stage}' if stage else ''}", err=True)
 
 
 def part_of(progress: ProgressCall, start: float, end: float) -> ProgressCall:

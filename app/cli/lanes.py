@@ -194,7 +194,7 @@ def serve(settings: Settings, console: Console, prepare: Callable[[Settings], ob
             "The numerical code is compiled, once: the first drives wait a minute for it. "
             "Other methods follow in the background."
         )
-        with _compiler("--first") as process:
+        with _compiler("--first", "--processes", "2") as process:
             while process.poll() is None:
                 watch.look_after(console)  # which may end this
                 time.sleep(_LOOK_EVERY_S)

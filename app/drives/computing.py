@@ -240,7 +240,7 @@ def failure_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Fa
     if isinstance(error, FusionError):
         return Failure(error.kind, blanked(str(error)), error.where, stage)
     if isinstance(error, MemoryError):
-        logger.error("%s %s: out of memory in stage %s", what, number, stage)
+        logger.error("%s %s: out of memory in stage %s", what, number, stage, exc_info=error)
         memory.forget(error)
         reason = f"The drive needs {memory.MORE_MEMORY}. Split the log into shorter drives."
         return Failure("out-of-memory", reason, stage=stage)

@@ -33,6 +33,9 @@ SHOWN_ORPHANS = 20
 LOST_COMMIT_WAIT_S = 5.0
 """Wait for a commit that was not answered: the database may still hold the broken connection."""
 
+WRITTEN_WITHIN_S = 15.0
+"""For so long a removal waits for the worker that is writing what the drive says; it holds the drive's row."""
+
 Count = Callable[[Session, int], None]
 Begin = Callable[[Session, Drive], None]
 
@@ -211,6 +214,7 @@ def remove_drive(sessions: Sessions, drive_id: uuid.UUID, origin: str | None = N
     the audit log.
     """
     with sessions.begin() as session:
+        drives.wait_at_most(session, WRITTEN_WITHIN_S)
         generation = drives.request_removal(session, drive_id)
         if generation is None:
             return False

@@ -17,7 +17,7 @@ from typer.testing import CliRunner, Result
 
 from app.cli import app
 from app.cli.client import Client
-from app.cli.console import part_of, whole_file
+from app.cli.console import QUIET_S, Lines, part_of, whole_file
 from app.drives.outputs.summary import summary
 from fusion.simulate.demonstration import Demonstration, write_all
 
@@ -224,3 +224,18 @@ def test_an_interrupt_ends_fuse_and_leaves_nothing_behind(bundle: Demonstration,
     assert "Traceback" not in said
     assert [one.name for one in tmp_path.iterdir()] == ["out.geojson"]
     assert out.read_text() == "before"
+
+
+def test_long_work_speaks_in_lines_where_nobody_sees_bars(capsys: pytest.CaptureFixture[str]) -> None:
+    now_s = 0.0
+    lines = Lines(lambda: now_s)
+    fusing, sending = lines.work("fusing a.csv"), lines.count("sending b.csv", 200)
+    fusing("reading", 0.1)
+    assert capsys.readouterr().err == ""  # short work says nothing
+    now_s = QUIET_S
+    fusing("filter", 0.25)
+    fusing("filter", 0.26)
+    sending(50)
+    now_s = 2 * QUIET_S
+    sending(100)
+    assert capsys.readouterr() == ("", "fusing a.csv: 25%, filter\nsending b.csv: 75%\n")

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import uuid
-from contextlib import nullcontext
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import pytest
 from sqlalchemy import text
 
-from app.drives import publishing
+from app.core.settings import Settings
+from app.drives import claims, publishing
 from app.drives.process import Outcome
 from app.drives.trials.run import TRIAL
 from app.drives.worker import run_worker
@@ -19,9 +22,15 @@ from app.jobs.task import Interrupted, Work
 from app.roads import imports as road_imports
 from problem_support import check
 from processing_support import carry_out_removals, process_drive
+from server_support import wait_until
 from web_fixtures import Web, add_drive
 
 NAME = "max.mustermann.csv"
+WAITED_S = text("""
+    SELECT coalesce(max(extract(epoch FROM clock_timestamp() - query_start)), 0) FROM pg_stat_activity
+    WHERE wait_event_type = 'Lock' AND datname = current_database()
+""")
+"""How long a statement has waited for a lock."""
 FOLLOWED = {"/v1/changes/events"}
 """Streams without an end."""
 
@@ -167,3 +176,23 @@ def test_messages_of_a_removed_drive_go(filled: Web) -> None:
     filled.client.delete(f"/v1/drives/{drive}")
     with filled.sessions() as session:
         assert session.execute(text("SELECT count(*) FROM webhook_deliveries")).scalar_one() == 0
+
+
+def test_a_removal_waits_longer_for_the_worker_that_writes_than_requests_wait_for_locks(
+    settings: Settings, server_maker: Callable[[Settings], AbstractContextManager[Web]]
+) -> None:
+    def has_waited_long() -> bool:
+        with web.sessions() as beside:
+            return bool(beside.execute(WAITED_S).scalar_one() > 4 * lock_timeout_s)
+
+    lock_timeout_s = 0.1
+    with server_maker(settings.model_copy(update={"lock_timeout_s": lock_timeout_s})) as web:
+        sent = web.client.post("/v1/drives", files={"file": (NAME, b"time_s,lat_deg,lon_deg\n1,49,8\n")})
+        drive = uuid.UUID(sent.json()["id"])
+        with ThreadPoolExecutor(1) as client, web.sessions.begin() as worker:
+            assert claims.mark_running(worker, drive, 1)
+            answer = client.submit(web.client.delete, f"/v1/drives/{drive}")
+            wait_until(has_waited_long)
+            assert not answer.done()
+            worker.commit()
+            assert answer.result().status_code == 202
