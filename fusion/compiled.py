@@ -11,15 +11,21 @@ it imports, directly or through others,** have the content that they had: names 
 from __future__ import annotations
 
 import hashlib
+import os
 import re
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit
 from numba.core import caching, config
+
+try:
+    import fcntl
+except ImportError:  # no POSIX system
+    fcntl = None  # type: ignore[assignment]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -76,9 +82,28 @@ class _Cache(caching.FunctionCache):  # type: ignore[misc]
     """What cannot be written (read-only, no room) is compiled again by the next process, and no error."""
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the machine code of one signature."""
-        with suppress(OSError):
+        """Keep the machine code of one signature.
+
+        One process at a time: numba looks which names of files are taken and takes the next one, so that of two that
+        do so at once one would have the machine code of the other's signature under its own.
+        """
+        with suppress(OSError), _alone_in(self.cache_path):
             super().save_overload(sig, data)
+
+
+@contextmanager
+def _alone_in(folder: str) -> Iterator[None]:
+    """Keep other processes out of such a block; not where the system or the folder knows no such locks."""
+    if fcntl is None:
+        yield
+        return
+    held = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):
+            fcntl.flock(held, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(held)
 
 
 class _StampedByContent(caching._CacheLocator):  # type: ignore[misc]

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
+from numba.core import caching
 
-from fusion.compiled import content_stamp
+from fusion.compiled import compiled, content_stamp
 
 KERNEL = """
 from kept.callee import (
@@ -163,3 +169,36 @@ def test_a_folder_that_cannot_be_written_to_serves_those_who_read_it(package: Pa
     assert not list(package.rglob("*.nbi"))
     assert run(package) == (6.0, 0)
     assert run(package, NOWHERE + RUN) == (6.0, 1)
+
+
+def test_two_that_keep_machine_code_at_once_keep_both(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of two signatures of one function: numba alone would write both into one file."""
+
+    def twice(x: Any) -> Any:
+        return x + x
+
+    def look_together(file: Any) -> Any:
+        found = look(file)
+        with suppress(threading.BrokenBarrierError):
+            both_looked.wait(timeout=0.3)
+        return found
+
+    def keep(loop: Any) -> None:
+        ((signature, code),) = loop.overloads.items()
+        loop._cache.save_overload(signature, code)
+
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(caching.config, "CACHE_DIR", str(tmp_path))
+    loops: list[Callable[..., Any]] = [compiled(twice), compiled(twice)]
+    assert (loops[0](1), loops[1](1.5)) == (2, 3.0)
+    for file in tmp_path.rglob("*.nb[ic]"):
+        file.unlink()
+    look, both_looked = caching.IndexDataCacheFile._load_index, threading.Barrier(2)
+    monkeypatch.setattr(caching.IndexDataCacheFile, "_load_index", look_together)
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(keep, loops))
+    monkeypatch.undo()
+    kept = look(loops[0]._cache._cache_file)  # type: ignore[attr-defined]
+    assert len(set(kept.values())) == len(loops)
