@@ -6,6 +6,7 @@ import { Page, show } from "../shared/Page";
 import { t } from "../shared/texts";
 import { Actions } from "./Actions";
 import { Charts } from "./Charts";
+import { Climbs, RideFigures } from "./Climbs";
 import { Compare } from "./Compare";
 import type { Drive, Profile } from "./data";
 import { look, open } from "./load";
@@ -61,6 +62,7 @@ function Shown({ drive: now }: { drive: Drive }) {
       {(now.status === "queued" || now.status === "running") && <Waiting drive={now} />}
       {now.report !== null && (
         <>
+          <RideFigures />
           <div class="drive-top">
             {rows ? <Track profile={rows} /> : <div class="drive-map" />}
             <div class="drive-side">
@@ -72,6 +74,7 @@ function Shown({ drive: now }: { drive: Drive }) {
               <Downloads drive={now} />
             </div>
           </div>
+          <Climbs />
           {rows && <Charts profile={rows} />}
           {now.status === "done" && <Compare drive={now} />}
           <Contradictions />
