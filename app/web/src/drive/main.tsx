@@ -67,6 +67,7 @@ function Shown({ drive: now }: { drive: Drive }) {
             {rows ? <Track profile={rows} /> : <div class="drive-map" />}
             <div class="drive-side">
               <Remarks drive={now} />
+              <Climbs />
               <section class="card" aria-labelledby="figures">
                 <h2 id="figures">{t("drive.figure.title")}</h2>
                 <Figures drive={now} />
@@ -74,7 +75,6 @@ function Shown({ drive: now }: { drive: Drive }) {
               <Downloads drive={now} />
             </div>
           </div>
-          <Climbs />
           {rows && <Charts profile={rows} />}
           {now.status === "done" && <Compare drive={now} />}
           <Contradictions />

@@ -37,7 +37,7 @@ export function Dates({ drives }: { drives: readonly Observation[] }) {
   const [earlier, later] = first.first_at <= second.first_at ? pair : [second, first];
   const { percent, sigma, sigmas } = difference(earlier, later);
   const choice = (n: 0 | 1) => (
-    <label class="field">
+    <label class="date">
       {t(n === 0 ? "segment.dates.first" : "segment.dates.second")}
       <select
         value={pair[n].drive_id}
