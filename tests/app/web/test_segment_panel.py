@@ -110,7 +110,7 @@ def test_two_dates_of_a_street(filled: Web, street: list[int], tab: Tab) -> None
     said.get_by_text(
         re.compile(r"changes by [+−]?0\.\d ± 0\.\d %\. That is 0\.\d sigma; up to 1\.96")
     ).wait_for()
-    assert f"dates={ids[1]}%2C{ids[2]}" in tab.page.url
+    assert f"dates={ids[1]},{ids[2]}" in tab.page.url
     second.select_option(ids[0])
     said.get_by_text(
         re.compile(r"changes by [+−]\d\.\d ± 0\.\d %\. That is 1\d\.\d sigma, more than")

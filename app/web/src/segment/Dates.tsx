@@ -16,12 +16,18 @@ export function difference(earlier: Observation, later: Observation) {
   return { percent, sigma, sigmas: sigma > 0 ? Math.abs(percent) / sigma : 0 };
 }
 
-/** The address with these dates, which are drives; or without. */
-function address(dates: string | null): string {
-  const here = new URL(location.href);
-  if (dates === null) here.searchParams.delete("dates");
-  else here.searchParams.set("dates", dates);
-  return here.href;
+/** What others have in the address, as they wrote it. */
+const others = () => location.search.replace(/([?&])dates=[^&]*&?/, "$1").replace(/[?&]$/, "");
+
+/** Have these dates, which are drives, in the address. */
+function write(dates: readonly string[]): void {
+  const before = others();
+  goTo(`${location.pathname}${before}${before ? "&" : "?"}dates=${dates.join(",")}`);
+}
+
+/** Dates are of the street whose panel is open, and of no other. */
+function forget(): void {
+  if (others() !== location.search) goTo(location.pathname + others(), true);
 }
 
 export function Dates({ drives }: { drives: readonly Observation[] }) {
@@ -30,8 +36,7 @@ export function Dates({ drives }: { drives: readonly Observation[] }) {
   const one = (n: number, otherwise: Observation | undefined) =>
     sorted.find((each) => each.drive_id === asked[n]) ?? otherwise;
   const [first, second] = [one(0, sorted[0]), one(1, sorted.at(-1))];
-  // Of the street whose panel is open, and of no other.
-  useEffect(() => () => goTo(address(null), true), []);
+  useEffect(() => forget, []);
   if (!first || !second || sorted.length < 2) return null;
   const pair = [first, second] as const;
   const [earlier, later] = first.first_at <= second.first_at ? pair : [second, first];
@@ -43,7 +48,7 @@ export function Dates({ drives }: { drives: readonly Observation[] }) {
         value={pair[n].drive_id}
         onChange={(event) => {
           const id = event.currentTarget.value;
-          goTo(address(n === 0 ? `${id},${second.drive_id}` : `${first.drive_id},${id}`));
+          write(n === 0 ? [id, second.drive_id] : [first.drive_id, id]);
         }}
       >
         {sorted.map((each) => (
