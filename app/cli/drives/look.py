@@ -78,9 +78,10 @@ def show(
     data_dir: Path | None = KEY_DIR,
     json_file: Path | None = JSON_FILE,
 ) -> None:
-    """Show what is known of a drive: its file, its times, its result, its warnings; all of its report with --json."""
+    """Show what is known of a drive: file, times, result, climbs, warnings; all of its report with --json."""
     with service_client(server, key, data_dir) as client:
         document = client.drive(drive).document
+        document["ride"] = _ride(client, document)
     typer.echo("\n".join(drive_lines(document)))
     write_json(json_file, document)
 
@@ -137,6 +138,7 @@ def drive_lines(document: Mapping[str, Any]) -> list[str]:
         | {"recorded": _when(document.get("drive_time"))},
         "Failure": {name: failure.get(name) for name in ("kind", "stage", "where", "reason")},
         "Result" if not failure else "Result of an earlier run": _of_result(document, report),
+        "Ride": _of_ride(document.get("ride") or {}),
     }
     lines: list[str] = []
     for title, facts in groups.items():
@@ -180,6 +182,53 @@ def _of_result(document: Mapping[str, Any], report: Mapping[str, Any]) -> dict[s
         "roads version": report.get("road_version"),
         "elevation version": report.get("dem_version"),
     }
+
+
+def _ride(client: Client, document: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The figures of its ride; None without a result, and for a key that may not read it."""
+    from app.cli.client import ClientError
+
+    if document.get("report") is None:
+        return None
+    try:
+        profile = client.request("GET", f"/v1/drives/{document['id']}/profile", params={"points": 2}).json()
+    except ClientError:
+        return None
+    return dict(profile.get("ride") or {}) or None
+
+
+def _of_ride(ride: Mapping[str, Any]) -> dict[str, Any]:
+    steep = ride.get("steepest") or {}
+    climbs = {f"climb {n}": _climb(one) for n, one in enumerate(ride.get("climbs") or (), 1)}
+    return {
+        "ascent": _with_sigma(ride.get("ascent_m"), ride.get("ascent_sigma_m"), "m", 0),
+        "descent": _with_sigma(ride.get("descent_m"), ride.get("descent_sigma_m"), "m", 0),
+        "steepest 100 m": steep and f"{_grade(steep)}, from km {steep['from_m'] / 1000:.2f}{_on(steep)}",
+        **climbs,
+    }
+
+
+def _climb(one: Mapping[str, Any]) -> str:
+    category = f", category {one['category']}" if one["category"] else ""
+    return (
+        f"km {one['from_m'] / 1000:.2f} to {one['to_m'] / 1000:.2f}{_on(one)}: {one['gain_m']:.0f} m up, "
+        f"{_grade(one)}, at most {one['maximum_percent']:.1f} %{category}"
+    )
+
+
+def _grade(one: Mapping[str, Any]) -> str | None:
+    return _with_sigma(one["percent"], one["sigma_percent"], "%", 1)
+
+
+def _on(one: Mapping[str, Any]) -> str:
+    return f" ({one['name']})" if one["name"] else ""
+
+
+def _with_sigma(value: float | None, sigma: float | None, unit: str, digits: int) -> str | None:
+    if value is None:
+        return None
+    doubt = "" if sigma is None else f" ± {sigma:.{digits}f}"
+    return f"{value:.{digits}f}{doubt} {unit}"
 
 
 def _row(document: Mapping[str, Any]) -> list[Any]:

@@ -25,7 +25,8 @@ LEAST_COSINE = 0.5
 class RoadFacts:
     """What a profile uses of a segment: its ends, (lon, lat) in degrees, and what it is.
 
-    ``dem_heights_m`` are the elevation model's at equal distances over its ``length_m``; empty where there are none.
+    ``dem_heights_m`` are the elevation model's at equal distances over its ``length_m``; empty where there are none;
+    ``name`` is None where it has none.
     """
 
     from_deg: tuple[float, float]
@@ -34,6 +35,7 @@ class RoadFacts:
     tunnel: bool
     length_m: float = math.nan
     dem_heights_m: Sequence[float] = ()
+    name: str | None = None
 
     @property
     def bearing_rad(self) -> float:
@@ -64,7 +66,8 @@ class Profile:
     to to_node, -1 against it, 0 unknown. ``slope_percent`` is the drive's estimate of the segment **in the
     direction of travel**, ``grade_percent`` that of the road at the very epoch; ``gap`` marks the first epoch after
     an interruption. ``bridge`` and ``tunnel`` are False where that is not known. ``dem_height_m`` is the elevation
-    model's height of the ground at that place of the segment, on the model's own datum.
+    model's height of the ground at that place of the segment, on the model's own datum; ``road_name`` the segment's,
+    or None.
     """
 
     time_s: Floats
@@ -84,6 +87,7 @@ class Profile:
     bridge: NDArray[np.bool_]
     tunnel: NDArray[np.bool_]
     dem_height_m: Floats
+    road_name: NDArray[np.object_]
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -134,6 +138,7 @@ def build_profile(
         bridge=bridge > 0,
         tunnel=tunnel > 0,
         dem_height_m=_dem_heights_m(facts, row, along_m),
+        road_name=np.array([f.name for f in facts], object)[row],
     )
 
 

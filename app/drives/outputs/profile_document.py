@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from app.core.text import COORDINATE_DIGITS, LENGTH_DIGITS, SLOPE_DIGITS
 from app.drives.outputs.columns import csv_chunks, numbers, time_texts
 from app.drives.outputs.profile import Profile
+from app.drives.outputs.ride import RIDE_EXAMPLE, RIDE_SCHEMA
 from app.drives.outputs.thinning import thinned
 
 TIME_DIGITS = 3
@@ -125,11 +126,12 @@ _COLUMNS = {
 }
 """In the order of the answer."""
 
-# What the OpenAPI document says of ``profile_json``, to which the service adds ``drive_id``.
+# What the OpenAPI document says of ``profile_json``, to which the service adds ``drive_id`` and ``ride``.
 PROFILE_EXAMPLE: dict[str, Any] = {
     "drive_id": "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11",
     "epochs": 2,
     **{name: list(column.example) for name, column in _COLUMNS.items()},
+    "ride": RIDE_EXAMPLE,
 }
 PROFILE_SCHEMA: dict[str, Any] = {
     "type": "object",
@@ -138,5 +140,6 @@ PROFILE_SCHEMA: dict[str, Any] = {
         "drive_id": {"type": "string", "format": "uuid"},
         "epochs": {"type": "integer", "description": "Length of every column."},
         **{name: column.schema for name, column in _COLUMNS.items()},
+        "ride": RIDE_SCHEMA,
     },
 }

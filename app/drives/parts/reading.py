@@ -27,6 +27,7 @@ from app.drives.outputs.estimates import estimate_feature, estimates_csv
 from app.drives.outputs.measurements import measurements_json
 from app.drives.outputs.profile import Profile, RoadFacts, build_profile
 from app.drives.outputs.profile_document import fewer, profile_csv, profile_json
+from app.drives.outputs.ride import ride_json
 from app.drives.outputs.thinning import LEAST, MOST
 from app.drives.parts.without_ends import Ends, shown_measurements, shown_track
 from app.map.segments import SEGMENT_EXAMPLE
@@ -46,7 +47,7 @@ _NOT_PLAIN = re.compile(r'[^ -~]|["\\/%]')
 
 _ROADS = """
     SELECT id, ST_X(ST_StartPoint(geom)), ST_Y(ST_StartPoint(geom)), ST_X(ST_EndPoint(geom)),
-           ST_Y(ST_EndPoint(geom)), bridge, tunnel, length_m, dem_heights_m
+           ST_Y(ST_EndPoint(geom)), bridge, tunnel, length_m, dem_heights_m, name
     FROM segments WHERE id = ANY(%(ids)s::bigint[])
 """
 _SLOPES = text(
@@ -130,8 +131,8 @@ def profile_of(session: Session, track: Track, slopes: Mapping[int, tuple[float,
     """
     ids = np.unique(track.segment[track.segment >= 0])  # -1 is none
     facts = {
-        number: RoadFacts((lon0, lat0), (lon1, lat1), bridge, tunnel, length_m, heights or ())
-        for number, lon0, lat0, lon1, lat1, bridge, tunnel, length_m, heights in fetch_binary(
+        number: RoadFacts((lon0, lat0), (lon1, lat1), bridge, tunnel, length_m, heights or (), name)
+        for number, lon0, lat0, lon1, lat1, bridge, tunnel, length_m, heights, name in fetch_binary(
             session, _ROADS, {"ids": ids}
         )
     }
@@ -214,9 +215,9 @@ def in_blocks(chunks: Iterator[str], size: int = BLOCK_BYTES) -> Iterator[str]:
     yield "".join(waiting)
 
 
-def profile_text(ids: Mapping[str, str], profile: Profile) -> bytes:
-    """The profile of a run as JSON, which begins with what it is of."""
-    return columns_text({**ids, **profile_json(profile)})
+def profile_text(ids: Mapping[str, str], profile: Profile, points: int | None = None) -> bytes:
+    """The profile of a run as JSON: what it is of, so many points of its columns, and the figures of all of it."""
+    return columns_text({**ids, **profile_json(fewer(profile, points)), "ride": ride_json(profile)})
 
 
 def measurements_text(
@@ -237,11 +238,11 @@ async def profile_answer(service: Service, find: FindRun, form: str, points: int
     def answer() -> Response:
         with service.reading() as session:
             run = find(session)
-            profile = fewer(run.profile(), points)
+            profile = run.profile()
         if form == "csv":
             headers = as_file(f"{run.stem}-profile.csv")
-            return Response("".join(profile_csv(profile)), media_type=CSV, headers=headers)
-        return Response(profile_text(run.ids, profile), media_type=JSON, headers=VARY)
+            return Response("".join(profile_csv(fewer(profile, points))), media_type=CSV, headers=headers)
+        return Response(profile_text(run.ids, profile, points), media_type=JSON, headers=VARY)
 
     async with service.request_classes[PARTS].place():
         return await run_in_threadpool(answer)

@@ -129,6 +129,20 @@ def test_a_drive_is_shown_in_groups(run: Run) -> None:
     ]
 
 
+@pytest.mark.parametrize(("status", "shown"), [(200, True), (403, False)])
+def test_the_ride_is_asked_for_where_there_is_a_result(run: Run, status: int, shown: bool) -> None:
+    def answer(request: httpx.Request) -> httpx.Response:
+        if request.url.path.endswith("/profile"):
+            return httpx.Response(
+                status, json={"ride": {"ascent_m": 131.4}, "detail": "No.", "type": "/forbidden"}
+            )
+        return httpx.Response(200, json=drive(7, report={}))
+
+    result = run(answer, "show", "7")
+    assert result.exit_code == 0, result.output
+    assert ("Ride\n  ascent  131 m\n" in result.stdout) == shown
+
+
 def test_a_drive_that_is_not_there_is_one_line_and_status_1(run: Run) -> None:
     gone = httpx.Response(404, json={"detail": "There is no drive 7. It may have been deleted."})
     result = run(lambda request: gone, "show", "7")

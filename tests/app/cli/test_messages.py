@@ -18,6 +18,8 @@ from typer.testing import CliRunner, Result
 from app.cli import app
 from app.cli.client import Client
 from app.cli.console import QUIET_S, Lines, part_of, whole_file
+from app.cli.drives.look import drive_lines
+from app.drives.outputs.ride import RIDE_EXAMPLE
 from app.drives.outputs.summary import summary
 from fusion.simulate.demonstration import Demonstration, write_all
 
@@ -239,3 +241,15 @@ def test_long_work_speaks_in_lines_where_nobody_sees_bars(capsys: pytest.Capture
     now_s = 2 * QUIET_S
     sending(100)
     assert capsys.readouterr() == ("", "fusing a.csv: 25%, filter\nsending b.csv: 75%\n")
+
+
+def test_a_ride_is_shown_by_its_ascent_and_its_climbs() -> None:
+    drive = {"id": "7", "status": "done", "method": "raw", "filename": "7.csv", "report": {}}
+    assert drive_lines(drive | {"ride": RIDE_EXAMPLE | {"descent_sigma_m": None}})[-5:] == [
+        "Ride",
+        "  ascent          131 ± 3 m",
+        "  descent         98 m",
+        "  steepest 100 m  9.3 ± 0.4 %, from km 0.81 (Talweg)",
+        "  climb 1         km 0.42 to 1.83 (Talweg): 86 m up, 6.1 ± 0.1 %, at most 9.3 %, category 4",
+    ]
+    assert "Ride" not in drive_lines(drive | {"ride": None})

@@ -65,7 +65,8 @@ DRIVE = """() => {
   if (!choice || document.querySelectorAll('.u-over').length < 2) return null;
   const heading = document.querySelector('h1').textContent;
   const beside = document.querySelector('#compare ~ p[role=status]')?.textContent ?? '';
-  return Boolean(choice.value) === Boolean(beside) ? { heading, with: choice.value, beside } : null;
+  const looked = [...document.querySelectorAll('[aria-pressed=true].name')].map((one) => one.textContent);
+  return Boolean(choice.value) === Boolean(beside) ? { heading, with: choice.value, beside, looked } : null;
 }"""
 ADMIN = """() => {
   const days = document.querySelector('.reading select')?.value;
@@ -241,6 +242,9 @@ STEPS = {
     "drives: the next page": Step("/drives", DRIVES, pressed("link", "Next"), "after="),
     "drives: all": Step("/drives?status=failed", DRIVES, pressed("link", "All drives"), "drives$"),
     "drive: beside another": Step("/drives/DRIVE", DRIVE, chosen("Beside this", index=1), "with="),
+    "drive: the steepest stretch": Step(
+        "/drives/DRIVE", DRIVE, pressed("button", "uphill"), "stretch=steepest"
+    ),
     "admin: a section": Step("/admin", ADMIN, pressed("link", "Coverage", True), "#coverage"),
     "admin: another section": Step("/admin#coverage", ADMIN, pressed("link", "Elevation"), "#terrain"),
     "admin: a section by its head": Step(

@@ -95,6 +95,37 @@ def test_a_segment_is_told_whole(filled: Web, street: list[int], tab: Tab) -> No
     assert tab.faults() == []
 
 
+def test_two_dates_of_a_street(filled: Web, street: list[int], tab: Tab) -> None:
+    panel = opened(tab, filled, street[0])
+    first, second = panel.get_by_label("One date"), panel.get_by_label("The other date")
+    first.wait_for()
+    (odd,) = [one for one in first.get_by_role("option").all() if "(rejected)" in (one.text_content() or "")]
+    others = [
+        one for one in first.get_by_role("option").all() if "(rejected)" not in (one.text_content() or "")
+    ]
+    ids = [one.get_attribute("value") for one in (odd, *others)]
+    first.select_option(ids[1])
+    second.select_option(ids[2])
+    said = panel.get_by_role("region", name="Compare two dates").get_by_role("status")
+    said.get_by_text(
+        re.compile(r"changes by [+−]?0\.\d ± 0\.\d %\. That is 0\.\d sigma; up to 1\.96")
+    ).wait_for()
+    assert f"dates={ids[1]},{ids[2]}" in tab.page.url
+    second.select_option(ids[0])
+    said.get_by_text(
+        re.compile(r"changes by [+−]\d\.\d ± 0\.\d %\. That is 1\d\.\d sigma, more than")
+    ).wait_for()
+    tab.page.go_back()
+    said.get_by_text("it may be chance").wait_for()
+    tab.page.reload()
+    said.get_by_text("it may be chance").wait_for()
+    second.select_option(ids[1])
+    said.get_by_text("Choose two different dates.").wait_for()
+    assert tab.faults() == []
+    tab.page.get_by_role("button", name="Close").click()
+    tab.await_true("!location.search.includes('dates')")
+
+
 def test_unknown_is_said_in_words(filled: Web, street: list[int], tab: Tab) -> None:
     gap = opened(tab, filled, street[2])
     gap.get_by_text("The slope follows from the roads on both sides.").wait_for()

@@ -10,20 +10,24 @@ import pytest
 from fusion.errors import MissingSensorError
 from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
+from fusion.profile.climbs import HeightLine, ascent, height_lines, steepest
 from fusion.simulate.drive import SimulatedDrive
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import csv_columns
 from fusion.types import DriveLog
 from profile_support import (
+    Change,
     Columns,
     Outcome,
     World,
     coverage,
+    identities,
     inside,
     judged,
     log_of,
     pressure_of,
     rmse,
+    unchanged,
 )
 
 FLEET = ((1, "m8"), (2, "phone"), (3, "m8"))
@@ -70,6 +74,41 @@ def test_positions_and_elevations_alone_give_honest_slopes(world: World, fleet: 
     for less, more in zip(outcomes, clean, strict=True):
         assert np.median(less.sigma) > 1.3 * np.median(more.sigma)
         assert any("Doppler" in warning for warning in less.report["warnings"])
+
+
+def height_lines_of(outcome: Outcome) -> list[list[HeightLine]]:
+    """Heights along a drive: as they were estimated, and as they are."""
+    track, town = outcome.result.track, outcome.town
+    rows = np.flatnonzero(track.segment >= 0)
+    row_of = {key: row for row, key in enumerate(identities(town.roads))}
+    own = identities(outcome.network.table)
+    segment = np.array([row_of[own[s]] for s in track.segment[rows]])
+    share = np.clip(track.distance_m[rows] / town.length_m[segment], 0, 1)
+    x, y = town.projection.to_xy(track.lon_deg[rows], track.lat_deg[rows])
+    along = np.r_[0, np.cumsum(np.hypot(np.diff(x), np.diff(y)))]
+    sigmas = (track.alt_sigma_m[rows], 100 * track.pitch_sigma_rad[rows], track.after_outage[rows])
+    return [
+        height_lines(along, height, *sigmas)
+        for height in (track.alt_m[rows], town.road_height(segment, share))
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("change", "most_sigma_m"), [(unchanged, 8), (bare, 30)])
+def test_the_ascent_of_a_drive_is_true_within_its_sigma(
+    world: World, fleet: list[SimulatedDrive], change: Change, most_sigma_m: float
+) -> None:
+    for drive in fleet:
+        estimated, true = height_lines_of(world.outcome(drive, change))
+        found, exact = ascent(estimated), ascent(true)
+        assert abs(found.up_m - exact.up_m) < 2.5 * found.up_sigma_m
+        assert abs(found.down_m - exact.down_m) < 2.5 * found.down_sigma_m
+        assert max(found.up_sigma_m, found.down_sigma_m) < most_sigma_m
+        steep = steepest(estimated)
+        assert steep is not None
+        along, height = next((of.along_m, of.height_m) for of in true if of.along_m[-1] >= steep.to_m)
+        rise = np.diff(np.interp([steep.from_m, steep.to_m], along, height))[0]
+        assert abs(steep.percent - 100 * rise / (steep.to_m - steep.from_m)) < 2.5 * steep.sigma_percent
 
 
 @pytest.mark.slow

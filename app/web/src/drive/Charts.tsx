@@ -5,6 +5,7 @@ import { Chart, type Line } from "../shared/Chart";
 import { t } from "../shared/texts";
 import { alignedByRoad, alignedByTime } from "./align";
 import type { Profile } from "./data";
+import { chosen, marked } from "./ride";
 import { combinedColumn, otherLine, sensorLines, stretchesOf } from "./series";
 import { kinds, link, other, segmentById, sensors } from "./state";
 
@@ -64,7 +65,11 @@ function useLines(profile: Profile): [Line[], Line[]] {
 export function Charts({ profile }: { profile: Profile }) {
   const [height, grade] = useLines(profile);
   const what = kinds.value;
-  const stretches = useMemo(() => stretchesOf(profile, what), [profile, what]);
+  const looked = chosen.value;
+  const stretches = useMemo(
+    () => [...stretchesOf(profile, what), ...marked(profile, looked)],
+    [profile, what, looked],
+  );
   const shared = { axis: "distance" as const, x: profile.distance_m, stretches, link };
   return (
     <section class="card drive-charts" aria-labelledby="charts">

@@ -4,6 +4,7 @@ import type { ComponentChildren } from "preact";
 import { distance, duration, moment, number, size } from "../shared/format";
 import { t } from "../shared/texts";
 import { addressOf, type Drive, type Report } from "./data";
+import { ride } from "./ride";
 import { Scrolled } from "./Scrolled";
 import { allFigures, asksForAction, sentencesOf, versionsOf, warningsOf } from "./sentences";
 import { kinds, profile } from "./state";
@@ -30,9 +31,11 @@ export function Figures({ drive }: { drive: Drive }) {
   return (
     <dl class="figures">
       <Figure name={t("drive.figure.driven")}>{moment(drive.drive_time)}</Figure>
-      <Figure name={t("drive.figure.length")}>
-        {distance(drive.distance_m)}, {duration(report["duration_s"] as number | undefined)}
-      </Figure>
+      {!ride.value && (
+        <Figure name={t("drive.figure.length")}>
+          {distance(drive.distance_m)}, {duration(report["duration_s"] as number | undefined)}
+        </Figure>
+      )}
       <Figure name={t("drive.figure.segments")}>
         {number(report["segments_estimated"] as number | undefined)}
       </Figure>

@@ -7,9 +7,10 @@ import { makeMap } from "../shared/maplibre";
 import { t } from "../shared/texts";
 import { theme } from "../shared/theme";
 import type { Profile } from "./data";
+import { highlighted } from "./ride";
 import { wantedBounds } from "./state";
 import { type Kind, rowAt, rowNear } from "./stretches";
-import { boundsOf, TRACK, trackLines, withTrack } from "./trackLayers";
+import { boundsOf, partLine, STRETCH, TRACK, trackLines, withTrack } from "./trackLayers";
 
 /** Pixels around the track. */
 const MARGIN_PX = 40;
@@ -84,7 +85,8 @@ export function TrackMap({ profile, kinds, other, link }: Shown & { link: ChartL
               other,
               other.segment_id.map(() => "matched"),
             );
-          return withTrack(style, theme.peek(), trackLines(profile, kinds), second);
+          const part = partLine(profile, highlighted.peek());
+          return withTrack(style, theme.peek(), trackLines(profile, kinds), second, part);
         },
         locale: {
           "NavigationControl.ZoomIn": t("drive.map.zoom_in"),
@@ -110,6 +112,10 @@ export function TrackMap({ profile, kinds, other, link }: Shown & { link: ChartL
         effect(() => {
           const box = wantedBounds.value;
           if (box) frame(box, 60);
+        }),
+        effect(() => {
+          const part = partLine(shown.current.profile, highlighted.value);
+          drawnMap.getSource<GeoJSONSource>(STRETCH)?.setData(part);
         }),
       );
     };

@@ -25,6 +25,36 @@ export interface Profile {
   lon_deg: number[];
   lat_deg: number[];
   dem_height_m: Column;
+  ride?: Ride;
+}
+
+/** A stretch of a drive, and its mean grade in the direction of travel. */
+export interface RideStretch {
+  from_m: number;
+  to_m: number;
+  percent: number;
+  sigma_percent: number | null;
+  name: string | null;
+}
+
+export interface Climb extends RideStretch {
+  length_m: number;
+  gain_m: number;
+  maximum_percent: number;
+  category: string | null;
+}
+
+/** Figures of the whole drive, however few rows the profile has. */
+export interface Ride {
+  distance_m: number | null;
+  duration_s: number | null;
+  ascent_m: number | null;
+  ascent_sigma_m: number | null;
+  descent_m: number | null;
+  descent_sigma_m: number | null;
+  least_rise_m: number | null;
+  steepest: RideStretch | null;
+  climbs: Climb[];
 }
 
 export interface Sensor {

@@ -15,6 +15,7 @@ import {
   orMissing,
   POINTS,
 } from "./data";
+import { chosen, showChosen } from "./ride";
 import {
   drive,
   fullProfile,
@@ -155,6 +156,7 @@ async function again(): Promise<void> {
   asked = null;
   link.range.value = null;
   await showResult().catch(tellError);
+  if (chosen.peek()) showChosen();
 }
 
 /** Look at the drive, and follow it where it has not ended. */

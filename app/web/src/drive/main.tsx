@@ -6,6 +6,7 @@ import { Page, show } from "../shared/Page";
 import { t } from "../shared/texts";
 import { Actions } from "./Actions";
 import { Charts } from "./Charts";
+import { Climbs, RideFigures } from "./Climbs";
 import { Compare } from "./Compare";
 import type { Drive, Profile } from "./data";
 import { look, open } from "./load";
@@ -61,10 +62,12 @@ function Shown({ drive: now }: { drive: Drive }) {
       {(now.status === "queued" || now.status === "running") && <Waiting drive={now} />}
       {now.report !== null && (
         <>
+          <RideFigures />
           <div class="drive-top">
             {rows ? <Track profile={rows} /> : <div class="drive-map" />}
             <div class="drive-side">
               <Remarks drive={now} />
+              <Climbs />
               <section class="card" aria-labelledby="figures">
                 <h2 id="figures">{t("drive.figure.title")}</h2>
                 <Figures drive={now} />

@@ -1,15 +1,16 @@
 /** A drive's track as GeoJSON, and how it is drawn over the service's roads. */
 import type { StyleSpecification } from "maplibre-gl";
 import type { Theme } from "../shared/theme";
-import type { Profile } from "./data";
-import { type Kind, runsOf } from "./stretches";
+import type { Profile, RideStretch } from "./data";
+import { type Kind, rowAt, runsOf } from "./stretches";
 
 export const TRACK = "drive-track";
+export const STRETCH = "drive-stretch";
 const OTHER = "drive-other";
 const ROADS = 0.3;
 
 export const KINDS: Kind[] = ["matched", "blind", "unmatched", "contradicts"];
-const COLOURS: Record<Theme, Record<Kind | "case" | "other", string>> = {
+const COLOURS: Record<Theme, Record<Kind | "case" | "other" | "stretch", string>> = {
   light: {
     matched: "#1d5fd1",
     blind: "#5a6663",
@@ -17,6 +18,7 @@ const COLOURS: Record<Theme, Record<Kind | "case" | "other", string>> = {
     contradicts: "#a04e00",
     case: "#ffffff",
     other: "#8a2f8f",
+    stretch: "#d4a900",
   },
   dark: {
     matched: "#8ab6ff",
@@ -25,6 +27,7 @@ const COLOURS: Record<Theme, Record<Kind | "case" | "other", string>> = {
     contradicts: "#f0a050",
     case: "#121615",
     other: "#e29be6",
+    stretch: "#ffd84d",
   },
 };
 const WIDTHS: Record<Kind, number> = { matched: 3, blind: 3, unmatched: 3, contradicts: 6 };
@@ -68,6 +71,21 @@ export function trackLines(profile: Profile, kinds: readonly Kind[]): Lines {
   };
 }
 
+/** The part of the track that stands out, or nothing. */
+export function partLine(profile: Profile, part: RideStretch | null) {
+  const [first, last] = part
+    ? [rowAt(profile.distance_m, part.from_m), rowAt(profile.distance_m, part.to_m) + 1]
+    : [0, 0];
+  const coordinates = profile.lon_deg
+    .slice(first, last)
+    .map((lon, n): [number, number] => [lon, profile.lat_deg[first + n] as number]);
+  return {
+    type: "Feature" as const,
+    properties: {},
+    geometry: { type: "LineString" as const, coordinates },
+  };
+}
+
 /** West, south, east, north of rows of a profile. */
 export function boundsOf(
   profile: Profile,
@@ -92,6 +110,7 @@ export function withTrack(
   colours: Theme,
   track: Lines,
   other: Lines | null,
+  part: ReturnType<typeof partLine>,
 ): StyleSpecification {
   const palette = COLOURS[colours];
   const faded = style.layers.map((layer) => {
@@ -118,6 +137,7 @@ export function withTrack(
     sources: {
       ...style.sources,
       [TRACK]: { type: "geojson", data: track },
+      [STRETCH]: { type: "geojson", data: part },
       ...(other ? { [OTHER]: { type: "geojson", data: other } } : {}),
     },
     layers: [
@@ -133,6 +153,13 @@ export function withTrack(
             },
           ]
         : []),
+      {
+        id: STRETCH,
+        type: "line",
+        source: STRETCH,
+        layout,
+        paint: { "line-color": palette.stretch, "line-width": 15 },
+      },
       {
         id: `${TRACK}-case`,
         type: "line",

@@ -6,6 +6,7 @@ import { LogIn } from "../shared/LoggedIn";
 import { errorText } from "../shared/Messages";
 import { may } from "../shared/session";
 import { t } from "../shared/texts";
+import { Dates } from "./Dates";
 import { loadObservations, type Observation, type Segment } from "./data";
 import { together } from "./history";
 import { decimalsOf, share } from "./words";
@@ -61,6 +62,7 @@ export function Drives({ segment }: { segment: Segment }) {
       )}
       <p class="quiet-text small">{t("segment.rejected_note")}</p>
       {read.drives.length > 0 && <History segment={segment} drives={read.drives} whole={whole} />}
+      {read.drives.length > 1 && <Dates drives={read.drives} />}
     </>
   );
 }

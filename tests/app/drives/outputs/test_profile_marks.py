@@ -40,6 +40,7 @@ def profile() -> Profile:
         bridge=no,
         tunnel=no,
         dem_height_m=zero,
+        road_name=np.full(n, None),
     )
 
 

@@ -7,6 +7,7 @@ import io
 import json
 import uuid
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import gpxpy
@@ -84,6 +85,41 @@ def test_fewer_points_are_rows_of_the_whole(filled: Any, done: str) -> None:
     ]
     assert (few["alt_m"][0], few["alt_m"][-1]) == (whole["alt_m"][0], whole["alt_m"][-1])
     assert get(filled, done, "profile?points=100000").json() == whole
+
+
+def over_a_hill(filled: Any, drive: str) -> None:
+    """Let the drive climb 50 m over the first two of its three streets, with a known grade, and go down the third."""
+    with filled.sessions.begin() as session:
+        session.execute(text("UPDATE segments SET name = 'Bergstraße' WHERE id < 3"))
+        stored = tracks.read_track(session, uuid.UUID(drive))
+        assert stored is not None
+        known = np.r_[np.full(15, 0.004), np.nan]
+        height = np.r_[np.linspace(100, 150, 10), np.linspace(148, 140, 5), np.nan]
+        hill = replace(stored, alt_m=height, pitch_rad=0 * known, pitch_sigma_rad=known)
+        tracks.save_track(session, uuid.UUID(drive), hill, np.arange(100))
+
+
+def test_the_figures_of_a_ride(filled: Any, done: str) -> None:
+    flat = get(filled, done, "profile").json()["ride"]
+    assert (flat["ascent_m"], flat["descent_m"], flat["climbs"]) == (1.4, 0, [])
+    assert flat["least_rise_m"] == 10, "heights of a method without grades"
+    over_a_hill(filled, done)
+    whole = get(filled, done, "profile").json()
+    Draft202012Validator(PROFILE_SCHEMA).validate(whole)
+    ride = whole["ride"]
+    assert ride["distance_m"] == whole["distance_m"][-1]
+    assert ride["duration_s"] == 14
+    assert (ride["ascent_m"], ride["descent_m"], ride["least_rise_m"]) == (50, 10, 2)
+    assert ride["ascent_sigma_m"] == ride["descent_sigma_m"] == pytest.approx(np.sqrt(8), abs=1e-3)
+    (climb,) = ride["climbs"]
+    top = whole["distance_m"][9]
+    assert (climb["from_m"], climb["to_m"]) == (0, pytest.approx(top, abs=10))
+    assert climb["percent"] == pytest.approx(100 * climb["gain_m"] / climb["length_m"], abs=1e-3)
+    assert climb["maximum_percent"] == pytest.approx(ride["steepest"]["percent"], abs=0.5)
+    assert climb["category"] is None
+    assert ride["steepest"]["sigma_percent"] == pytest.approx(0.4, abs=1e-3)
+    assert climb["name"] == ride["steepest"]["name"] == "Bergstraße"
+    assert get(filled, done, "profile?points=5").json()["ride"] == ride, "of the whole, however few points"
 
 
 @pytest.mark.parametrize("part", ["profile", "measurements"])

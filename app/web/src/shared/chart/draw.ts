@@ -17,6 +17,9 @@ export interface Drawing {
 
 const BAND = 0.22;
 const STRETCH = 0.16;
+const STRONG = 0.3;
+/** Of a label of a stretch, from the top: pixels. */
+const LABEL_PX = 14;
 const FONT = "12px system-ui, sans-serif";
 
 type Palette = (name: string) => string;
@@ -159,8 +162,14 @@ function drawStretches(drawing: Drawing, colour: Palette) {
       const from = Math.max(chart.valToPos(one.from, "x", true), bbox.left);
       const to = Math.min(chart.valToPos(one.to, "x", true), bbox.left + bbox.width);
       if (to <= from) continue;
-      ctx.fillStyle = faded(colour(ofLine(one.colour)), STRETCH);
+      ctx.fillStyle = faded(colour(ofLine(one.colour)), one.strong ? STRONG : STRETCH);
       ctx.fillRect(from, bbox.top, to - from, bbox.height);
+      if (one.label) {
+        ctx.fillStyle = colour("text");
+        ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+        ctx.textAlign = "center";
+        ctx.fillText(one.label, (from + to) / 2, bbox.top + LABEL_PX * devicePixelRatio);
+      }
     }
     ctx.restore();
   };

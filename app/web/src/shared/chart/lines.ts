@@ -4,7 +4,7 @@ import { distance, moment, number, UNKNOWN } from "../format";
 import { currentLanguage } from "../texts";
 
 /** Colours that a line can have, by what it says; each has a value for light and for dark ground in chart.css. */
-export type ChartColour = "measured" | "model" | "other" | "fourth" | "quiet" | "danger";
+export type ChartColour = "measured" | "model" | "other" | "fourth" | "quiet" | "danger" | "climb";
 
 /** One value for each place of the chart; null and NaN are unknown, and leave a gap. */
 export type Values = ArrayLike<number | null | undefined>;
@@ -36,6 +36,10 @@ export interface Stretch {
   from: number;
   to: number;
   colour: ChartColour;
+  /** Written at its upper end. */
+  label?: string;
+  /** Drawn more strongly than others. */
+  strong?: boolean;
 }
 
 /** What several charts of the same axis share: where the cursor is, and what is zoomed to. */
