@@ -1,6 +1,7 @@
-/** What a click on the map opens: a segment, or a way with its segments. On a phone it is a sheet at the bottom. */
+/** What a click on the map opens: a segment, a way with its segments, or below them a tool. On a phone it is a sheet at the bottom. */
 import { useEffect, useRef } from "preact/hooks";
-import { selected } from "../map/state";
+import { selected, tool } from "../map/state";
+import { ToolView } from "../map/tools/ToolView";
 import { t } from "../shared/texts";
 import { pointedPlace } from "./data";
 import { SegmentView } from "./SegmentView";
@@ -8,14 +9,16 @@ import { WayView } from "./WayView";
 import "./segment.css";
 
 function close(): void {
-  selected.value = null;
+  if (selected.value === null) tool.value = null;
+  else selected.value = null;
 }
 
 export function Panel() {
   const chosen = selected.value;
   const panel = useRef<HTMLElement>(null);
   const before = useRef<Element | null>(null);
-  const open = chosen !== null;
+  const opened = tool.value;
+  const open = chosen !== null || opened !== null;
 
   // Focus comes into the panel with whatever is chosen, and goes back to where it was.
   useEffect(() => {
@@ -29,9 +32,9 @@ export function Panel() {
     };
   }, [open]);
   useEffect(() => {
-    if (chosen) panel.current?.focus({ preventScroll: true });
+    if (open) panel.current?.focus({ preventScroll: true });
     panel.current?.scrollTo(0, 0);
-  }, [chosen]);
+  }, [chosen, opened]);
   useEffect(() => {
     if (!open) return;
     const key = (event: KeyboardEvent) => {
@@ -42,20 +45,28 @@ export function Panel() {
     return () => document.removeEventListener("keydown", key);
   }, [open]);
 
-  if (!chosen) return null;
-  const View = chosen.kind === "segment" ? SegmentView : WayView;
+  if (!open) return null;
+  const View = chosen?.kind === "way" ? WayView : SegmentView;
   return (
     <aside
       class="panel"
       ref={panel}
       // biome-ignore lint/a11y/noNoninteractiveTabindex: focus comes here, and the keyboard scrolls what is long
       tabIndex={0}
-      aria-label={t(`segment.panel_${chosen.kind}`, { id: String(chosen.id) })}
+      aria-label={
+        chosen
+          ? t(`segment.panel_${chosen.kind}`, { id: String(chosen.id) })
+          : t(`tools.${opened ?? "steepest"}.title`)
+      }
     >
       <button type="button" class="quiet panel-close" aria-label={t("page.close")} onClick={close}>
         ×
       </button>
-      <View key={`${chosen.kind} ${chosen.id}`} id={chosen.id} />
+      {chosen ? (
+        <View key={`${chosen.kind} ${chosen.id}`} id={chosen.id} />
+      ) : (
+        opened && <ToolView key={opened} name={opened} />
+      )}
     </aside>
   );
 }
