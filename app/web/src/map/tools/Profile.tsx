@@ -57,7 +57,7 @@ function Drawing() {
   };
   useEffect(() => (map ? draw(map, finish) : undefined), [map]);
   return (
-    <>
+    <div class="draws">
       <p>{t("tools.profile.drawing")}</p>
       <p class="quiet-text small">{t("tools.profile.keys")}</p>
       <p role="status">{t("tools.profile.points", { n: points })}</p>
@@ -75,7 +75,7 @@ function Drawing() {
           {t("tools.profile.cancel")}
         </button>
       </div>
-    </>
+    </div>
   );
 }
 
