@@ -53,24 +53,6 @@ def files(web: Web) -> list[str]:
     return BlobStore(web.settings.blob_store_url, EXPORTS).keys()
 
 
-@pytest.mark.parametrize("form", ["csv", "ways-csv"])
-def test_only_what_is_sure_and_was_driven_often(driven: Web, work: Work, form: str) -> None:
-    """The grid has one drive over three segments, sigma 0.5 %."""
-    narrowed = (
-        {},
-        {"most_sigma_percent": 0.6},
-        {"most_sigma_percent": 0.4},
-        {"least_drives": 1},
-        {"least_drives": 2},
-    )
-    asked = [ask(driven, format=form, bbox=BOX, driven=True, **one) for one in narrowed]
-    work(driven)
-    every, sure, surer, once, twice = (seen(driven, one)["entries"] for one in asked)
-    assert every == sure == once > 0
-    assert surer == twice == 0
-    ask(driven, 422, format="pmtiles", least_drives=1)
-
-
 def test_an_export_is_made_of_one_moment_and_says_so(driven: Web, work: Work) -> None:
     export = ask(driven, format="geojson", bbox=BOX, driven=True)
     assert (export["status"], export["progress"], export["data_version"]) == ("queued", 0, None)

@@ -1,12 +1,23 @@
 /** What a click on the map opens: a segment, a way with its segments, or below them a tool. On a phone it is a sheet at the bottom. */
 import { useEffect, useRef } from "preact/hooks";
-import { selected, tool } from "../map/state";
+import { type Selection, selected, tool } from "../map/state";
 import { ToolView } from "../map/tools/ToolView";
 import { t } from "../shared/texts";
 import { pointedPlace } from "./data";
-import { SegmentView } from "./SegmentView";
-import { WayView } from "./WayView";
+import { useLoaded } from "./loading";
 import "./segment.css";
+
+/** With their charts they are loaded for whoever looks at a road. */
+const VIEWS = {
+  segment: () => import("./SegmentView").then((one) => one.SegmentView),
+  way: () => import("./WayView").then((one) => one.WayView),
+};
+
+function View({ kind, id }: Selection) {
+  const view = useLoaded(() => VIEWS[kind](), kind);
+  if (view.state === "failed") return <p class="error-text">{view.why}</p>;
+  return view.state === "there" ? <view.value id={id} /> : <p>{t("segment.asking")}</p>;
+}
 
 function close(): void {
   if (selected.value === null) tool.value = null;
@@ -46,7 +57,6 @@ export function Panel() {
   }, [open]);
 
   if (!open) return null;
-  const View = chosen?.kind === "way" ? WayView : SegmentView;
   return (
     <aside
       class="panel"
@@ -63,7 +73,7 @@ export function Panel() {
         ×
       </button>
       {chosen ? (
-        <View key={`${chosen.kind} ${chosen.id}`} id={chosen.id} />
+        <View key={`${chosen.kind} ${chosen.id}`} {...chosen} />
       ) : (
         opened && <ToolView key={opened} name={opened} />
       )}

@@ -59,7 +59,7 @@ function Drawing() {
   return (
     <div class="draws">
       <p>{t("tools.profile.drawing")}</p>
-      <p class="quiet-text small">{t("tools.profile.keys")}</p>
+      <p class="quiet-text small by-keys">{t("tools.profile.keys")}</p>
       <p role="status">{t("tools.profile.points", { n: points })}</p>
       <div class="buttons panel-actions">
         <button type="button" class="primary" disabled={points < 2} onClick={() => finish(draft.value)}>

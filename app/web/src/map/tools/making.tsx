@@ -1,5 +1,5 @@
 /** A file of what the map shows: asked for, followed, and handed over. */
-import { useEffect, useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import type { components } from "../../api/schema";
 import { api, got } from "../../shared/api";
 import { moment, number, size } from "../../shared/format";
@@ -73,8 +73,13 @@ export function Making({
 }) {
   const failed =
     why || (made?.failure?.reason ?? (made?.status === "cancelled" ? t("tools.making.cancelled") : ""));
+  const place = useRef<HTMLDivElement>(null);
+  // A phone's sheet ends above it.
+  useEffect(() => {
+    if (busy || made) place.current?.scrollIntoView({ block: "nearest" });
+  }, [busy, made?.status]);
   return (
-    <div class="making">
+    <div class="making" ref={place}>
       <p role={failed ? "alert" : "status"} class={failed ? "error-text" : ""}>
         {failed ||
           (busy
