@@ -87,7 +87,13 @@ def faultless(tab: Tab) -> None:
     assert small == []
 
 
-@pytest.mark.parametrize("window", [DESK, PHONE], ids=["desk", "phone"])
+@pytest.mark.parametrize(
+    "window",
+    [
+        pytest.param(DESK, id="desk"),
+        pytest.param(PHONE, id="phone", marks=pytest.mark.long("ten seconds, for another width")),
+    ],
+)
 def test_steepest_streets_follow_the_map_and_its_filters(
     steep: Web, tab_maker: Callable[..., Tab], window: dict[str, int]
 ) -> None:
