@@ -56,6 +56,10 @@ class ExportRequest(BaseModel, extra="forbid", json_schema_extra={"examples": [E
     region: Name | None = Field(None, description="Only roads of this region (`versant regions list`).")
     driven: bool = Field(False, description="Only what was driven.")
     gaps: bool = Field(False, description="Give undriven segments between driven ones a slope as well.")
+    most_sigma_percent: float | None = Field(
+        None, gt=0, le=1000, description="Only slopes with a sigma of at most so many percent."
+    )
+    least_drives: int = Field(0, ge=0, le=1_000_000, description="Only what so many drives measured.")
     options: dict[str, Any] = Field(
         default={}, description="Options of the format, by name.", examples=[{"max_zoom": 12}]
     )
@@ -72,7 +76,15 @@ EXAMPLE: dict[str, Any] = {
     "id": EXAMPLE_ID,
     "status": "done",
     "progress": 1,
-    "request": {**EXAMPLE_REQUEST, "suffix": ".fgb", "region": None, "gaps": False, "options": {}},
+    "request": {
+        **EXAMPLE_REQUEST,
+        "suffix": ".fgb",
+        "region": None,
+        "gaps": False,
+        "most_sigma_percent": None,
+        "least_drives": 0,
+        "options": {},
+    },
     "failure": None,
     "data_version": "4711.12.1.1.6440f2c1a3e80",
     "provenance": {"generator": "Versant 0.1.0", "data_version": "4711.12.1.1.6440f2c1a3e80"},

@@ -31,8 +31,8 @@ def statements(source: str, height_datum: str | None) -> dict[str, str]:
     return {"attribution": source} | ({} if height_datum is None else {"height_datum": height_datum})
 
 
-ALL_FILTERS = frozenset({"driven", "gaps", "region"})
-WAY_FILTERS = frozenset({"driven", "region"})
+WAY_FILTERS = frozenset({"driven", "least_drives", "most_sigma_percent", "region"})
+ALL_FILTERS = WAY_FILTERS | {"gaps"}
 
 
 @dataclass(frozen=True)

@@ -118,6 +118,8 @@ class Request:
     gaps: bool = False
     suffix: str = ""
     """One of the format's."""
+    most_sigma_percent: float | None = None
+    least_drives: int = 0
 
     @property
     def file_name(self) -> str:
@@ -137,6 +139,8 @@ class Request:
             "region": self.region,
             "driven": self.driven,
             "gaps": self.gaps,
+            "most_sigma_percent": self.most_sigma_percent,
+            "least_drives": self.least_drives,
             "options": options,
         }
 
@@ -147,7 +151,7 @@ class Request:
     def query(self, session: Session) -> Query:
         """The part of the map; ``RoadsError`` for a region that is not there, with those that are."""
         region = None if self.region is None else known_region(session, self.region)
-        return Query(self.bbox, region, self.driven, self.gaps)
+        return Query(self.bbox, region, self.driven, self.gaps, self.most_sigma_percent, self.least_drives)
 
 
 def request_of(
@@ -159,6 +163,8 @@ def request_of(
     driven: bool = False,
     gaps: bool = False,
     suffix: str | None = None,
+    most_sigma_percent: float | None = None,
+    least_drives: int = 0,
     local: bool = False,
 ) -> Request:
     """The request, checked as far as that needs no database.
@@ -168,12 +174,19 @@ def request_of(
     ``local``: of a person at this machine, whose files may be named.
     """
     chosen = FORMATS[format_name]
-    chosen.check_filters(driven=driven, gaps=gaps, region=region is not None)
+    chosen.check_filters(
+        driven=driven,
+        gaps=gaps,
+        region=region is not None,
+        most_sigma_percent=most_sigma_percent is not None,
+        least_drives=least_drives > 0,
+    )
     if suffix is not None and suffix not in chosen.suffixes:
         known = ", ".join(chosen.suffixes)
         raise BadOptionsError(f"suffix: {chosen.name} writes files that end in {known}.", where="suffix")
     checked = chosen.parse_options(options, local=local)
-    return Request(chosen, checked, bbox, region, driven, gaps, suffix or chosen.suffixes[0])
+    kind = suffix or chosen.suffixes[0]
+    return Request(chosen, checked, bbox, region, driven, gaps, kind, most_sigma_percent, least_drives)
 
 
 def asked_again(document: Mapping[str, Any]) -> Request:
@@ -182,6 +195,10 @@ def asked_again(document: Mapping[str, Any]) -> Request:
         box = document["bbox"]
         bounds = None if box is None else (box[0], box[1], box[2], box[3])
         filters = {name: document[name] for name in ("region", "driven", "gaps", "suffix")}
+        # Requests of versions before this one have none of them.
+        filters |= {
+            name: document[name] for name in ("most_sigma_percent", "least_drives") if name in document
+        }
         return request_of(document["format"], document["options"], bbox=bounds, **filters)
     except FusionError as error:
         raise BadRequestError(f"This version of the program cannot make it: {error}") from error

@@ -205,7 +205,7 @@ def _parse_request(body: documents.ExportRequest) -> FileRequest:
 
     with _naming("bbox"):
         box = parse_bbox(body.bbox)
-    filters = body.model_dump(include={"region", "driven", "gaps", "suffix"})
+    filters = body.model_dump(exclude={"format", "options", "bbox"})
     with _naming("format"):
         return request_of(body.format, body.options, bbox=box, **filters)
 

@@ -58,6 +58,15 @@ class Query:
     region: Region | None = None
     driven: bool = False
     gaps: bool = False
+    most_sigma_percent: float | None = None
+    """The largest sigma of a slope; None: any, and unknown ones as well."""
+    least_drives: int = 0
+
+    def passes(self, record: Segment | Way) -> bool:
+        """Whether it is as sure as is asked for."""
+        sigma = record.slope_sigma_percent
+        sure = self.most_sigma_percent is None or (sigma is not None and sigma <= self.most_sigma_percent)
+        return sure and record.drives >= self.least_drives
 
 
 @dataclass(eq=False)
@@ -86,7 +95,7 @@ class Source:
 
     def asked_segments(self) -> Iterator[Segment]:
         """The segments that are asked for, by ascending id."""
-        return self.segments(gaps=self.query.gaps, driven=self.query.driven)
+        return filter(self.query.passes, self.segments(gaps=self.query.gaps, driven=self.query.driven))
 
     def segments(self, *, gaps: bool = False, driven: bool = False) -> Iterator[Segment]:
         """Those of the box and the region, by ascending id, for a format that knows itself which others it wants."""
@@ -114,7 +123,7 @@ class Source:
         region = None if asked.region is None else asked.region.id
         values: dict[str, Any] = {"after_id": 0, "limit": PAGE, "region": region, **corners(asked.bbox)}
         while rows := self.session.execute(query, values).all():
-            yield from map(_way, rows)
+            yield from filter(asked.passes, map(_way, rows))
             values["after_id"] = rows[-1].id
             self.on_progress(0.0)
 

@@ -57,12 +57,12 @@ def along_line(places: Floats, roads: Sequence[Sequence[RoadHere]], radius_m: fl
     """For each place of a line the place on the road that it most likely follows."""
     there = [_within(place, near, radius_m) for place, near in zip(places, roads, strict=True)]
     chosen: list[OnRoad | None] = [None] * len(there)
-    directions = _directions(places)
+    ways = directions(places)
     for is_near, group in groupby(range(len(there)), key=lambda n: bool(there[n])):
         if is_near:
             rows = list(group)
             run = slice(rows[0], rows[-1] + 1)
-            chosen[run] = _best(there[run], directions[run])
+            chosen[run] = _best(there[run], ways[run])
     return chosen
 
 
@@ -88,7 +88,7 @@ def _costs(options: Sequence[OnRoad], direction: Floats) -> Floats:
     off = np.array([one.off_m for one in options])
     cost = (off / APART_M) ** 2
     if np.isfinite(direction).all():
-        along = np.array([_unit(one.road) for one in options])
+        along = np.array([unit(one.road) for one in options])
         sine = along[:, 0] * direction[1] - along[:, 1] * direction[0]
         cost += (sine / TURNED) ** 2
     return np.asarray(cost)
@@ -109,14 +109,15 @@ def _within(place: Floats, roads: Sequence[RoadHere], radius_m: float) -> list[O
     return near
 
 
-def _unit(road: RoadHere) -> tuple[float, float]:
+def unit(road: RoadHere) -> tuple[float, float]:
+    """The road's direction from ``from_node``: a unit vector, east and north."""
     dx = (road.lon1_deg - road.lon0_deg) * math.cos(math.radians(road.lat0_deg))
     dy = road.lat1_deg - road.lat0_deg
     size = math.hypot(dx, dy) or 1.0
     return dx / size, dy / size
 
 
-def _directions(places: Floats) -> Floats:
+def directions(places: Floats) -> Floats:
     """Unit vectors east and north of the line at each place, from the one before to the one after; NaN without one."""
     n = len(places)
     if n < 2:

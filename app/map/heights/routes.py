@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from math import isfinite
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
@@ -12,6 +13,7 @@ from app.core.errors import BadRequestError
 from app.core.http import OfTheMap, Service, ServiceDep, problems
 from app.core.standby.use import MapRoute
 from app.map.heights import places as reading
+from app.map.heights.grades import HALF_M, Climb, Grades, climb_of, grades_of, moved
 from app.map.heights.road_heights import OnRoad, RoadHeight, along_line, heights_of, nearest
 from app.map.heights.store import roads_near
 from app.map.segment import HEIGHT_DATUM, attribution
@@ -78,6 +80,10 @@ class HeightRequest(BaseModel, extra="ignore", json_schema_extra={"examples": [_
     radius_m: float = Field(
         RADIUS_M, gt=0, le=MOST_RADIUS_M, description="How far off a road a place may lie."
     )
+    slope: bool = Field(
+        False,
+        description="Give slope_percent, slope_sigma_percent and climb as well; Valhalla has none of them.",
+    )
     id: str | None = Field(None, description="Comes back with the answer.")
 
 
@@ -93,6 +99,13 @@ class Heights(OfTheMap, json_schema_extra={"examples": [HEIGHTS_EXAMPLE]}):
     )
     sigma: list[float | None] = Field(description="One standard deviation of each height, metres.")
     source: list[str | None] = Field(description="What each height rests on.")
+    slope_percent: list[float | None] | None = Field(
+        None, description="Of the road at each place, positive where the line goes up."
+    )
+    slope_sigma_percent: list[float | None] | None = Field(
+        None, description="One standard deviation of each slope."
+    )
+    climb: Climb | None = None
     units: Literal["meters"] = "meters"
     datum: str
     attribution: str
@@ -164,7 +177,8 @@ def post_height(service: ServiceDep, asked: HeightRequest) -> dict[str, Any]:
     Each place counts as on the road that the line most likely follows there, of those within `radius_m`: a line over a
     bridge has the deck's heights. Where nobody drove, heights are those of the elevation model along the road, and on
     bridges and in tunnels they go evenly between those of its ends. `sigma` and `source` tell them apart. Differences
-    of heights of two sources say little: their datums may differ by metres.
+    of heights of two sources say little: their datums may differ by metres. With `slope` each place has the slope of
+    its road in the line's direction, and `climb` tells what the line goes up and down.
     """
     return _answer(service, asked)
 
@@ -210,7 +224,7 @@ def elevation(
         places = reading.spread(line, samples)
     else:
         places = reading.from_text(locations or "", "locations", MOST_LOCATIONS)
-    on, heights, said = _heights(service, places, radius_m, line=path is not None)
+    on, heights, said, _ = _heights(service, places, radius_m, line=path is not None)
     results = [
         Elevation(
             elevation=None if height is None else round(height.height_m, 2),
@@ -232,7 +246,9 @@ def _answer(service: Service, request: HeightRequest) -> dict[str, Any]:
         reading.check_number(count, "resample_distance", reading.MOST_PLACES)
         places = reading.spread(places, count)
         along_m = reading.distances_along_m(places)
-    _, heights, said = _heights(service, places, request.radius_m, line=True)
+    on, heights, said, grades = _heights(
+        service, places, request.radius_m, line=True, slope=request.slope and len(places) > 1
+    )
     digits = request.height_precision
     height_m = [None if one is None else round(one.height_m, digits) for one in heights]
     answer: dict[str, Any] = {} if request.id is None else {"id": request.id}
@@ -249,8 +265,20 @@ def _answer(service: Service, request: HeightRequest) -> dict[str, Any]:
     return answer | {
         "sigma": [None if one is None else round(one.sigma_m, 2) for one in heights],
         "source": [None if one is None else one.source for one in heights],
+        **({} if grades is None else _slopes(grades, climb_of(places, on, heights, grades))),
         "units": "meters",
         **said,
+    }
+
+
+def _slopes(grades: Grades, climb: Climb) -> dict[str, Any]:
+    columns = {"slope_percent": grades.slope_percent, "slope_sigma_percent": grades.sigma_percent}
+    return {
+        **{
+            name: [round(one, 2) if isfinite(one) else None for one in column.tolist()]
+            for name, column in columns.items()
+        },
+        "climb": {name: round(value, 3) for name, value in climb.model_dump().items()},
     }
 
 
@@ -267,18 +295,22 @@ def _places(request: HeightRequest) -> Floats:
 
 
 def _heights(
-    service: Service, places: Floats, radius_m: float, *, line: bool
-) -> tuple[list[OnRoad | None], list[RoadHeight | None], dict[str, Any]]:
-    """The roads, the heights there, and what is said of all of them."""
+    service: Service, places: Floats, radius_m: float, *, line: bool, slope: bool = False
+) -> tuple[list[OnRoad | None], list[RoadHeight | None], dict[str, Any], Grades | None]:
+    """The roads, the heights there, what is said of all of them, and their slopes along the line."""
     with service.reading() as session:
         near = roads_near(session, places, radius_m)
         if line and len(places) > 1:
             on = along_line(places, near, radius_m)
         else:
             on = [nearest(place, roads, radius_m) for place, roads in zip(places, near, strict=True)]
-        heights = heights_of(session, on)
+        before, after = (moved(on, -HALF_M), moved(on, HALF_M)) if slope else ([], [])
+        # In one look: what lies at the ends of bridges is the same.
+        heights = heights_of(session, [*on, *before, *after])
         west, south = places.min(axis=0).tolist()
         east, north = places.max(axis=0).tolist()
         rasters = names_over(current_dem(session, service.settings.dem_dir), [(west, south, east, north)])
         note = service.edition_note(session)
-    return on, heights, {"datum": HEIGHT_DATUM, "attribution": attribution(rasters), **note}
+    n = len(places)
+    grades = grades_of(places, before, heights[n : 2 * n], after, heights[2 * n :]) if slope else None
+    return on, heights[:n], {"datum": HEIGHT_DATUM, "attribution": attribution(rasters), **note}, grades

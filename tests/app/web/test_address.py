@@ -49,6 +49,7 @@ MAP = """() => {
     classes: all('.classes [aria-pressed=true] .name').map((one) => one.textContent),
     sliders: all('.slider input').map((one) => one.value),
     moment: document.querySelector('.kept')?.textContent ?? '',
+    tool: all('.tool .panel-actions button').map((one) => one.textContent),
   };
 }"""
 """Null while the map moves or loads."""
@@ -168,6 +169,15 @@ def void(_: object) -> None:
     """For what answers something."""
 
 
+def draw_a_line(page: Page) -> None:
+    """Along the grid's first street."""
+    page.get_by_role("button", name="Draw on the map").click()
+    for j in (1, 2):
+        place = page.evaluate("(at) => window.versantMap.project(at)", [WEST, SOUTH + j * STEP])
+        page.locator("canvas.maplibregl-canvas").click(position=place)
+    page.get_by_role("button", name="Finish").click()
+
+
 @dataclass
 class Step:
     """From one state of a page to another by what a person does."""
@@ -223,6 +233,18 @@ STEPS = {
         chosen("Map of", index=1),
         "export=[0-9a-f-]+",
     ),
+    "map: a tool": Step(f"/map?{AT}", MAP, pressed("button", "Steepest streets"), "tool=steepest"),
+    "map: another tool": Step(
+        f"/map?{AT}&segment=SEGMENT", MAP, pressed("button", "Export this view"), "tool=export"
+    ),
+    "map: a tool is closed": Step(f"/map?{AT}&tool=profile", MAP, pressed("button", "Close"), r"^(?!.*tool)"),
+    "map: a street of the steepest": Step(
+        f"/map?{AT}&tool=steepest",
+        MAP,
+        lambda page: page.locator("ol.segments button").first.click(),
+        r"segment=\d+.*tool=steepest",
+    ),
+    "map: a line": Step(f"/map?{AT}&tool=profile", MAP, draw_a_line, "line="),
     "drives: a status": Step(
         "/drives",
         DRIVES,

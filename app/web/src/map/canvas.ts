@@ -28,8 +28,9 @@ import { breaksOf } from "./count";
 import { cameraOf, isSeen } from "./free";
 import { type Kept, ofKept } from "./keeping";
 import { Freshness, stayNew, tilesInView } from "./live";
+import { followMarks, marked } from "./marks";
 import { nearest } from "./picking";
-import { counts, legend } from "./shown";
+import { counts, drawing, legend } from "./shown";
 import {
   type Box,
   choices,
@@ -74,7 +75,7 @@ export function openMap(
   let own = first;
   const styleNow = () => {
     const roads = ofKept(drawn(own, choices(), theme.peek()), kept);
-    return background ? over(background, roads) : roads;
+    return marked(background ? over(background, roads) : roads, theme.peek());
   };
   const map = new MapLibre({
     container: place,
@@ -117,6 +118,7 @@ export function openMap(
   moves(map);
   clicks(map, () => own.segmentsFrom);
   showPointed(map, Marker);
+  followMarks(map);
   return map;
 }
 
@@ -224,9 +226,11 @@ function clicks(map: MapLibre, singlesFrom: () => number): void {
   };
   const finger = (event: MapMouseEvent) =>
     (event.originalEvent as PointerEvent).pointerType === "touch" || !matchMedia("(pointer: fine)").matches;
-  map.on("click", (event) => select(event.point, finger(event) ? FINGER_PX : MOUSE_PX));
+  map.on("click", (event) => {
+    if (!drawing.peek()) select(event.point, finger(event) ? FINGER_PX : MOUSE_PX);
+  });
   map.on("mousemove", (event) => {
-    if (map.isMoving()) return;
+    if (map.isMoving() || drawing.peek()) return;
     map.getCanvas().style.cursor = at(event.point, MOUSE_PX) === null ? "" : "pointer";
   });
   map.getCanvas().addEventListener("keydown", (event) => {

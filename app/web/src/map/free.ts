@@ -43,6 +43,30 @@ function covered(map: MapLibre): Sides {
   };
 }
 
+/** What is seen of the map, degrees, and all that the window has of it. */
+export function freeBox(map: MapLibre): Box {
+  const { top, right, bottom, left } = covered(map);
+  const { clientWidth, clientHeight } = map.getContainer();
+  const [northWest, southEast] = [
+    map.unproject([left - MARGIN_PX, top - MARGIN_PX]),
+    map.unproject([clientWidth - right + MARGIN_PX, clientHeight - bottom + MARGIN_PX]),
+  ];
+  return onEarth(northWest.lng, southEast.lat, southEast.lng, northWest.lat);
+}
+
+export function wholeBox(map: MapLibre): Box {
+  const all = map.getBounds();
+  return onEarth(all.getWest(), all.getSouth(), all.getEast(), all.getNorth());
+}
+
+/** Maps go on round the Earth; west > east is across the antimeridian. */
+function onEarth(west: number, south: number, east: number, north: number): Box {
+  const wrapped = (lon: number) => ((((lon + 180) % 360) + 360) % 360) - 180;
+  const bounded = (lat: number) => Math.min(90, Math.max(-90, lat));
+  if (east - west >= 360) return [-180, bounded(south), 180, bounded(north)];
+  return [wrapped(west), bounded(south), wrapped(east), bounded(north)];
+}
+
 /** With the place in the middle of what is free, perhaps no nearer than the map is now. */
 export function cameraOf(map: MapLibre, place: Place, noNearer = false): Camera | null {
   const padding = covered(map);

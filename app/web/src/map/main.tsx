@@ -11,9 +11,10 @@ import { theme } from "../shared/theme";
 import { KeptNotice } from "./KeptMaps";
 import { type Kept, searchOf } from "./keeping";
 import { Legend } from "./Legend";
-import { kept, legend, segmentsFrom } from "./shown";
+import { kept, legend, segmentsFrom, shownMap } from "./shown";
 import { colour, keepAddress, keptId, layer } from "./state";
 import { type OwnStyle, ownStyle } from "./style";
+import { Tools } from "./tools/Tools";
 import "./map.css";
 
 // Both are fetched while the page is put together: the first view waits for them.
@@ -47,7 +48,7 @@ async function open(place: HTMLElement): Promise<void> {
   }
   content.value = "roads";
   const { backgroundStyle, openMap } = await library;
-  openMap(place, own, await backgroundStyle(), kept.value);
+  shownMap.value = openMap(place, own, await backgroundStyle(), kept.value);
   keepAddress();
 }
 
@@ -87,6 +88,7 @@ function Content() {
             <div class="map-side">
               <KeptNotice />
               <Search />
+              <Tools />
               <Legend />
             </div>
             <Panel />

@@ -1,5 +1,6 @@
 /** What the canvas tells the page: the legend that is drawn, and what of it is in view. */
 import { signal } from "@preact/signals";
+import type { Map as MapLibre } from "maplibre-gl";
 import type { Counted } from "./count";
 import type { Kept } from "./keeping";
 import type { Legend } from "./style";
@@ -10,3 +11,7 @@ export const counts = signal<Counted | null>(null);
 export const kept = signal<Kept | null>(null);
 /** From this zoom on single segments are drawn. */
 export const segmentsFrom = signal(13);
+/** The map, once it is open. */
+export const shownMap = signal<MapLibre | null>(null);
+/** Whether clicks draw a line, and select nothing. */
+export const drawing = signal(false);

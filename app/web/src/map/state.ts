@@ -3,7 +3,7 @@
  *
  * `?at=14.2/49.41/8.69&colour=difference&layer=ways&classes=5,8,unknown&sigma=0.5&drives=2&segment=17`; what is as usual
  * is left out. Others lead here by `?segment=17`, `?way=3`, `?at=` or `?bbox=west,south,east,north`. `export=` names a kept
- * map that is shown in place of today's.
+ * map that is shown in place of today's, `tool=` what is open besides, `line=` the line whose profile that shows.
  */
 import { batch, effect, signal } from "@preact/signals";
 import { goTo, search as query } from "../shared/address";
@@ -25,6 +25,13 @@ export type Box = [west: number, south: number, east: number, north: number];
 export type Position = [lon: number, lat: number];
 export type Place = { lon: number; lat: number; zoom?: number } | { bbox: Box };
 
+export const TOOLS = ["steepest", "profile", "export", "inclines"] as const;
+export type ToolName = (typeof TOOLS)[number];
+
+/** The tool that is open; what is looked at lies over it. */
+export const tool = signal<ToolName | null>(null);
+/** The line whose profile is shown, as a polyline (`tools/polyline.ts`); nothing: none that the address can keep. */
+export const line = signal("");
 /** The segment or way that is looked at. */
 export const selected = signal<Selection | null>(null);
 /** Where the map is; null until it is open. */
@@ -50,6 +57,8 @@ export interface State {
   classes: readonly Class[];
   mostSigma: number | null;
   leastDrives: number;
+  tool: ToolName | null;
+  line: string;
 }
 
 function numbers(text: string | null, separator: string, count: number): number[] | null {
@@ -88,10 +97,12 @@ export function parsed(search: string): State {
       .filter((one): one is Class => one !== null),
     mostSigma: sigma > 0 && Number.isFinite(sigma) ? sigma : null,
     leastDrives: wholeNumber(asked.get("drives")) ?? 0,
+    tool: TOOLS.find((one) => one === asked.get("tool")) ?? null,
+    line: asked.get("tool") === "profile" ? (asked.get("line") ?? "") : "",
   };
 }
 
-const OWN = ["at", "bbox", "segment", "way", "colour", "layer", "classes", "sigma", "drives"];
+const OWN = ["at", "bbox", "segment", "way", "colour", "layer", "classes", "sigma", "drives", "tool", "line"];
 
 /** The address of a state; what others have in it stays. */
 export function address(state: State, search: string): string {
@@ -105,6 +116,8 @@ export function address(state: State, search: string): string {
   if (state.classes.length) query.set("classes", state.classes.join(","));
   if (state.mostSigma !== null) query.set("sigma", String(state.mostSigma));
   if (state.leastDrives) query.set("drives", String(state.leastDrives));
+  if (state.tool) query.set("tool", state.tool);
+  if (state.tool === "profile" && state.line) query.set("line", state.line);
   const text = query.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
   return text ? `?${text}` : "";
 }
@@ -128,6 +141,8 @@ function apply(state: State): void {
   classes.value = state.classes;
   mostSigma.value = state.mostSigma;
   leastDrives.value = state.leastDrives;
+  tool.value = state.tool;
+  line.value = state.line;
 }
 
 /** The state as it is, but for where the map is. */
@@ -141,6 +156,8 @@ export function choices(): State {
     classes: classes.value,
     mostSigma: mostSigma.value,
     leastDrives: leastDrives.value,
+    tool: tool.value,
+    line: line.value,
   };
 }
 

@@ -113,6 +113,40 @@ def test_a_line_has_the_heights_of_the_road_that_it_follows(valley: Any) -> None
     assert height(valley, *reversed(below))["height"] == pytest.approx([LOWER_M] * 5)
 
 
+def test_slopes_are_those_of_the_line_and_steps_between_sources_are_no_hills(valley: Any) -> None:
+    """Two measured segments rise by 1 and 2 m; then the model begins 33 m below and is level, under a bridge too."""
+    up = [upper(0.02), upper(9.98)]
+    there = height(valley, *up, slope=True, resample_distance=2)
+    back = height(valley, *reversed(up), slope=True, resample_distance=2)
+    plain = height(valley, *up, resample_distance=2)
+    assert not {"slope_percent", "slope_sigma_percent", "climb"} & plain.keys()
+    assert there["height"] == plain["height"]
+    slope = np.array(there["slope_percent"])
+    assert slope.max() == pytest.approx(10, abs=0.5)  # the steepest stretch
+    assert slope[there["source"].index("elevation model") + 5 :] == pytest.approx(0)
+    assert np.array(back["slope_percent"])[::-1] == pytest.approx(-slope, abs=0.6)
+    sigma = np.array(there["slope_sigma_percent"])
+    assert sigma[0] == 1
+    assert sigma[-1] == pytest.approx(100 * 1.5 * 2**0.5 / 73.2, abs=0.01)
+    climb = there["climb"]
+    assert climb["ascent_m"] - climb["descent_m"] == pytest.approx(3.0, abs=0.1)
+    assert climb["ascent_m"] == pytest.approx(back["climb"]["descent_m"], abs=0.1)
+    assert climb["measured_share"] == pytest.approx(0.2, abs=0.01)
+    assert climb["known_share"] == 1
+    # Each of the measured segments is wrong by 1 % of what rises of it.
+    assert 0.2 < climb["ascent_sigma_m"] < 1.1
+
+
+def test_a_line_across_a_road_and_one_off_all_roads_have_no_slope(valley: Any) -> None:
+    place = WEST + 0.5 * STEP
+    got = height(valley, (place, LAT - 1e-4), (place, LAT + 1e-4), (place, LAT + 0.1), slope=True)
+    assert got["slope_percent"] == [None] * 3
+    assert got["climb"]["known_share"] == 0
+    assert got["climb"]["ascent_m"] == 0
+    one = height(valley, upper(0.5), slope=True)
+    assert "climb" not in one
+
+
 def test_off_the_network_is_null_and_the_radius_is_a_choice(valley: Any) -> None:
     off = (WEST + 0.5 * STEP, LAT + 40 / 111_132)
     assert height(valley, off)["height"] == [None]
