@@ -108,6 +108,8 @@ class RunProgress:
 
     def show(self, stage: str, share: float) -> None:
         """Show stage and share (it never falls); raises when the run is to end."""
+        if stage != self.stage:
+            memory.trim()
         self.stage, self._share = stage, max(self._share, min(share, 1.0))
         self._show(stage, self._share)
 
