@@ -64,6 +64,8 @@ function useLines(profile: Profile): [Line[], Line[]] {
 export function Charts({ profile }: { profile: Profile }) {
   const [height, grade] = useLines(profile);
   const what = kinds.value;
+  // A log by itself has heights alone.
+  const graded = profile.grade_percent.some((value) => value !== null);
   const stretches = useMemo(() => stretchesOf(profile, what), [profile, what]);
   const shared = { axis: "distance" as const, x: profile.distance_m, stretches, link };
   return (
@@ -71,7 +73,7 @@ export function Charts({ profile }: { profile: Profile }) {
       <h2 id="charts">{t("drive.chart.title")}</h2>
       <p class="quiet-text">{t("drive.chart.how")}</p>
       <Chart {...shared} title={t("drive.chart.heights")} lines={height} unit="m" height={220} />
-      <Chart {...shared} title={t("drive.chart.grades")} lines={grade} unit="%" height={220} />
+      {graded && <Chart {...shared} title={t("drive.chart.grades")} lines={grade} unit="%" height={220} />}
     </section>
   );
 }

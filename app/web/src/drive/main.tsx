@@ -4,14 +4,15 @@ import { ApiProblem } from "../shared/api";
 import { errorText } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
 import { t } from "../shared/texts";
+import { waitsForRoads } from "../shared/Waits";
 import { Actions } from "./Actions";
 import { Charts } from "./Charts";
 import { Compare } from "./Compare";
 import type { Drive, Profile } from "./data";
 import { look, open } from "./load";
 import { Contradictions } from "./Segments";
-import { Failed, Nothing, Waiting } from "./Status";
-import { Downloads, Figures, Remarks, ReportCard } from "./Summary";
+import { Failed, Nothing, Waiting, WaitsHere } from "./Status";
+import { Downloads, Figures, LogFigures, Remarks, ReportCard } from "./Summary";
 import { drive, fullKinds, fullProfile, kinds, link, other, problem, profile, removed } from "./state";
 import { TrackMap } from "./TrackMap";
 import { KINDS } from "./trackLayers";
@@ -31,7 +32,7 @@ function Track({ profile: thinned }: { profile: Profile }) {
         {t("drive.map.title")}
       </h2>
       {map}
-      <ul class="track-legend">
+      <ul class="track-legend" hidden={drive.value?.report == null}>
         {KINDS.map((kind) => (
           <li key={kind}>
             <span class={`track-key ${kind}`} />
@@ -51,14 +52,31 @@ function Track({ profile: thinned }: { profile: Profile }) {
 
 function Shown({ drive: now }: { drive: Drive }) {
   const rows = profile.value;
+  const waits = waitsForRoads(now);
   return (
     <>
       <p class="drive-back">
         <a href="/drives">{t("drive.to_list")}</a>
       </p>
       <h1 class="drive-name">{now.filename}</h1>
-      {now.status === "failed" && <Failed drive={now} />}
+      {waits && <WaitsHere drive={now} />}
+      {now.status === "failed" && !waits && <Failed drive={now} />}
       {(now.status === "queued" || now.status === "running") && <Waiting drive={now} />}
+      {now.report === null && rows && (
+        <>
+          <div class="drive-top">
+            <Track profile={rows} />
+            <div class="drive-side">
+              <section class="card" aria-labelledby="figures">
+                <h2 id="figures">{t("drive.figure.title")}</h2>
+                <LogFigures drive={now} />
+              </section>
+              <Downloads drive={now} />
+            </div>
+          </div>
+          <Charts profile={rows} />
+        </>
+      )}
       {now.report !== null && (
         <>
           <div class="drive-top">
