@@ -63,10 +63,10 @@ def upload(
     wait: bool = cli.flag("Wait until each drive is done or failed.", "--wait"),
     json_file: Path | None = cli.JSON_FILE,
 ) -> None:
-    """Upload drive logs to a service; exit status 1 if any of them failed, or waits for roads.
+    """Upload drive logs to a service; exit status 1 if any of them failed.
 
     A zip becomes as many drives as are in it, each with a line of its own. The same bytes again are the same drive: an
-    upload that broke off may simply be repeated.
+    upload that broke off may simply be repeated. A drive where no roads are waits for them, and has failed for scripts.
     """
     console: Console = ctx.obj
     options = cli.parse_assignments(option, "--option")

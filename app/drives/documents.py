@@ -23,8 +23,7 @@ from app.core.text import GEO_JSON, Moment
 from app.drives.remaining import remaining_s
 from app.network.cells import cell_name
 from app.network.rejections import Rejections
-from app.roads.comparing import NO_ROADS
-from app.roads.named_extracts import extracts_over
+from app.roads.named_extracts import NO_ROADS, extracts_over
 from fusion.report import with_contradiction, with_duplicate
 
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"

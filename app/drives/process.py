@@ -189,12 +189,18 @@ def _keep_track(context: JobContext, drive: Drive, log: DriveLog) -> None:
     if drive.report is not None:
         return
     track = track_of(log)
-    facts = {"epochs": len(track), "distance_m": track_length_m(track), "drive_time": drive_time(log)}
     with context.sessions.begin() as session:
         if not claims.lock_running(session, drive.id, drive.generation):
             raise Discarded
         tracks.save_track(session, drive.id, track, np.empty(0, np.int64))
-        claims.note_facts(session, drive.id, drive.generation, **facts)
+        claims.note_facts(
+            session,
+            drive.id,
+            drive.generation,
+            epochs=len(track),
+            distance_m=track_length_m(track),
+            drive_time=drive_time(log),
+        )
 
 
 def _append(context: JobContext, drive: Drive, computed: Computed, *, behind: bool) -> bool:

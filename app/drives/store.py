@@ -25,7 +25,7 @@ from app.drives.documents import ROADS_STAGE, Drive, DrivePlace
 from app.drives.listing import Order, key_of, matching, stretches
 from app.network.marks import PATIENCE
 from app.network.rejections import Rejections, rejections_of
-from app.roads.comparing import NO_ROADS
+from app.roads.named_extracts import NO_ROADS
 
 # What a Drive is made of; the table is called d. Few drives have marks, and these an index.
 _SHOWN = f"""

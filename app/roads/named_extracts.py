@@ -12,6 +12,8 @@ from importlib.resources import files
 
 from app.core.db import Bounds
 
+NO_ROADS = ("no-match", "no-roads")
+"""What a drive fails of where roads are missing."""
 MOST_NAMED = 3
 """Extracts that are named for one place: near a border several may be meant."""
 _EDGE = 4.0

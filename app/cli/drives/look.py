@@ -61,7 +61,7 @@ def list_drives(
 ) -> None:
     """List drives, the newest upload first, with the reason of what failed."""
     console: Console = ctx.obj
-    filters = {"status": status, "failure": failure, "waits_for": waits_for}
+    filters: dict[str, str | int | None] = {"status": status, "failure": failure, "waits_for": waits_for}
     filters |= {"created_after": since, "batch": batch}
     with service_client(server, key, data_dir) as client:
         drives = listed(client, filters, limit)

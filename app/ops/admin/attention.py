@@ -169,7 +169,7 @@ def _failed(session: Session) -> list[dict[str, Any]]:
             sum(row.drives for row in waiting.values()),
             max(row.oldest_s for row in waiting.values()),
         )
-        rows.append(_row("roads", True, what, "/drives?waits_for=roads", count, oldest_s))
+        rows.append(_row("roads", False, what, "/drives?waits_for=roads", count, oldest_s))
     for kind, failed in session.execute(_FAILED, {"days": FAILED_DAYS}):
         count = failed - (waiting[kind].drives if kind in waiting else 0)
         if count <= 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -81,7 +82,9 @@ def test_a_ride_before_there_are_roads_and_after(
     there.page.locator(".track-map canvas").wait_for()
     heights = there.page.get_by_role("figure", name=words["drive"]["chart"]["heights"])
     assert heights.is_visible()
+    assert heights.get_by_text(words["drive"]["chart"]["log_height"]).first.is_visible()
     assert there.page.get_by_role("figure", name=words["drive"]["chart"]["grades"]).count() == 0
+    assert there.page.locator(".track-legend").count() == 0
     assert there.page.locator(".drive-status.failed, main .error-text").count() == 0
     assert there.page.get_by_role("link", name=extract, exact=True).is_visible()
     assert there.faults() == []
@@ -167,3 +170,28 @@ def test_what_is_no_log_is_not_computed_again(web: Web, tab: Tab, working: None)
     assert [one["failure"]["kind"] for one in drives] == ["empty-log"]
     assert row.get_by_role("button", name="Compute ride.csv again").count() == 0
     assert row.get_by_role("button", name="Try ride.csv again").count() == 0
+
+
+def test_the_credit_names_the_elevation_under_what_is_in_view(
+    web: Web, tab: Tab, files: Path, tmp_path: Path
+) -> None:
+    import_roads(web.sessions, files / "town.osm", tmp_path / "dem")
+    west, south, east, north = web.client.get("/tiles.json").json()["bounds"]
+    middle = (west + east) / 2
+    sources = [
+        {"name": "w.tif", "uri": "w/w.tif", "sha256": "w", "bounds_deg": [west - 1, south, middle, north]},
+        {"name": "e.tif", "uri": "e/e.tif", "sha256": "e", "bounds_deg": [middle, south, east + 1, north]},
+    ]
+    sources[0] |= {"source": "Western <Survey>", "licence": "CC BY 4.0"}
+    with web.sessions.begin() as session:
+        statement = "INSERT INTO dem_versions (sources, datum, active) VALUES (CAST(:s AS jsonb), 'x', true)"
+        session.execute(text(statement), {"s": json.dumps(sources)})
+    lat = (south + north) / 2
+    tab.page.goto(f"{web.base}/map?at=17/{lat}/{west - 0.01}")
+    credit = tab.page.locator(".maplibregl-ctrl-attrib-inner")
+    credit.get_by_text("Western <Survey> (CC BY 4.0)").wait_for()
+    tab.await_true("!document.querySelector('.maplibregl-ctrl-attrib-inner').textContent.includes('e.tif')")
+    tab.page.evaluate(f"window.versantMap.jumpTo({{center: [{east + 0.01}, {lat}]}})")
+    credit.get_by_text("elevation from e.tif").wait_for()
+    assert "Western" not in credit.inner_text()
+    assert "OpenStreetMap" in credit.inner_text()

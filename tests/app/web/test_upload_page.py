@@ -15,7 +15,9 @@ from sqlalchemy import text
 
 from app.roads.imports import import_roads
 from browser_fixtures import Tab
+from fusion.roads.table import RoadTable
 from processing_support import HEADER, process_drive
+from region_support import bring
 from web_fixtures import Web
 
 MANY = 80
@@ -148,7 +150,10 @@ def test_what_is_refused_says_why_and_can_be_tried_again(web: Web, tab_maker: Ca
     row(tab, "holiday.jpg").wait_for(state="detached")
 
 
-def test_a_failure_is_told_and_computed_again(web: Web, tab: Tab, computing: None) -> None:
+def test_a_failure_is_told_and_computed_again(
+    web: Web, tab: Tab, computing: None, chain: Callable[..., RoadTable]
+) -> None:
+    bring(web.sessions, chain(3, lon=8.4027), "beside", dem_dir=web.context.dem_dir)  # no match, 200 m away
     opened(tab, web)
     choose(tab, named("far.csv", LOG))
     far = row(tab, "far.csv")

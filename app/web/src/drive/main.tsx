@@ -13,7 +13,18 @@ import { look, open } from "./load";
 import { Contradictions } from "./Segments";
 import { Failed, Nothing, Waiting, WaitsHere } from "./Status";
 import { Downloads, Figures, LogFigures, Remarks, ReportCard } from "./Summary";
-import { drive, fullKinds, fullProfile, kinds, link, other, problem, profile, removed } from "./state";
+import {
+  drive,
+  fullKinds,
+  fullProfile,
+  hasResult,
+  kinds,
+  link,
+  other,
+  problem,
+  profile,
+  removed,
+} from "./state";
 import { TrackMap } from "./TrackMap";
 import { KINDS } from "./trackLayers";
 import "./drive.css";
@@ -32,20 +43,22 @@ function Track({ profile: thinned }: { profile: Profile }) {
         {t("drive.map.title")}
       </h2>
       {map}
-      <ul class="track-legend" hidden={drive.value?.report == null}>
-        {KINDS.map((kind) => (
-          <li key={kind}>
-            <span class={`track-key ${kind}`} />
-            {t(`drive.map.${kind}`)}
-          </li>
-        ))}
-        {beside && (
-          <li>
-            <span class="track-key other" />
-            {other.value?.name}
-          </li>
-        )}
-      </ul>
+      {hasResult.value && (
+        <ul class="track-legend">
+          {KINDS.map((kind) => (
+            <li key={kind}>
+              <span class={`track-key ${kind}`} />
+              {t(`drive.map.${kind}`)}
+            </li>
+          ))}
+          {beside && (
+            <li>
+              <span class="track-key other" />
+              {other.value?.name}
+            </li>
+          )}
+        </ul>
+      )}
     </section>
   );
 }

@@ -41,6 +41,8 @@ export const link = chartLink();
 export const rejected = computed(
   () => new Set(segments.value.filter((one) => one.properties.accepted === false).map((one) => one.id)),
 );
+/** Before there is one, the log by itself is shown: its way and its heights alone. */
+export const hasResult = computed(() => drive.value?.report != null);
 export const kinds = computed(() => kindsNow(profile.value));
 export const fullKinds = computed(() => kindsNow(fullProfile.value));
 export const segmentById = computed(() => new Map(segments.value.map((one) => [one.id, one])));
@@ -48,6 +50,6 @@ export const segmentById = computed(() => new Map(segments.value.map((one) => [o
 function kindsNow(shown: Profile | null): Kind[] {
   if (!shown) return [];
   // Before there is a result nothing of it is off the roads.
-  if (drive.value?.report == null) return shown.segment_id.map(() => "matched");
+  if (!hasResult.value) return shown.segment_id.map(() => "matched");
   return kindsOf(shown, rejected.value);
 }

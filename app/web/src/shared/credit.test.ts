@@ -1,5 +1,7 @@
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import { creditsIn, withCredits } from "./credit";
+
+vi.mock("./api", () => ({ getJson: undefined })); // it needs a page
 
 const ALL = [
   { credit: "north.tif", boxes: [[8, 50, 9, 51]] as [number, number, number, number][] },

@@ -7,6 +7,8 @@ interface Elevation {
   credit: string;
   boxes: [number, number, number, number][];
 }
+/** The control of the map's credit reads it there. */
+type Credited = VectorTileSource & { attribution?: string };
 interface Tiles {
   attribution?: string;
   "versant:elevation"?: Elevation[];
@@ -33,7 +35,7 @@ export function withCredits(attribution: string, credits: readonly string[]): st
 export function creditInView(map: LibreMap, name: string): void {
   let tiles: Tiles | null = null;
   const tell = () => {
-    const source = map.getSource<VectorTileSource>(name);
+    const source: Credited | undefined = map.getSource<VectorTileSource>(name);
     const all = tiles?.["versant:elevation"] ?? [];
     if (!source || !tiles?.attribution || all.length === 0) return;
     const view = map.getBounds();

@@ -61,7 +61,12 @@ export function ImportFile({ kind }: { kind: "import-roads" | "import-dem" }) {
             </label>
             <label>
               {t("admin.import.source")}
-              <input type="text" name="source" maxLength={200} placeholder={t("admin.import.source_example")} />
+              <input
+                type="text"
+                name="source"
+                maxLength={200}
+                placeholder={t("admin.import.source_example")}
+              />
             </label>
             <label>
               {t("admin.import.licence")}
