@@ -33,7 +33,7 @@ from fusion.errors import FusionError, NoMatchError
 from fusion.formats import read_log
 from fusion.gnss.positioning import Positioned
 from fusion.methods.base import DriveResult
-from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
+from fusion.pipeline import MIN_FIXES, parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Ints, Progress
@@ -180,7 +180,7 @@ def compute(
         run.begin("roads")
         with computing():
             around = surroundings_of(context, road_boxes(positioned.log))
-            if not len(around.roads.ids):
+            if not len(around.roads.ids) and len(positioned.log.fix) >= MIN_FIXES:
                 raise NoRoadsThereError(_none_there(positioned.log.bounds_deg()))
         run.begin("estimating")
         with ExitStack() as stack:  # factors may be made anew until they are saved

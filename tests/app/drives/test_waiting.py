@@ -72,7 +72,7 @@ def test_roads_elsewhere_do_not_help_and_lists_tell_it_from_failures(
     assert (drive["failure"]["kind"], drive["failure"]["stage"]) == ("no-match", "roads")
     assert drive["waits_for"]["kind"] == "roads"
     log = b"time_s,lat_deg,lon_deg\n"
-    other = web.client.post("/v1/drives?method=raw", content=log + b"1,49,8.4\n").json()["id"]
+    other = web.client.post("/v1/drives?method=raw", content=log + b"1700000000,49,8.4\n").json()["id"]
     assert process_drive(web.context, uuid.UUID(other), 1) is Outcome.FAILED
     assert now(web, other)["waits_for"] is None
 
