@@ -155,6 +155,8 @@ def _facts(source: DemSource, dem_dir: FilePlace) -> dict[str, Any]:
         "name": source.name,
         "priority": source.priority,
         "bounds_deg": source.bounds_deg,
+        "source": source.source,
+        "licence": source.licence,
     }
     facts |= dict.fromkeys(("posting_m", "datum", "mib", "problem"))
     try:

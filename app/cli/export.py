@@ -52,7 +52,7 @@ def export(
     from app.exports.formats import write_companions
     from app.exports.making import make_file
     from app.map.segment import attribution
-    from app.terrain.coverage import rasters_over
+    from app.terrain.coverage import sources_over
     from app.terrain.store import current_dem
 
     console: Console = ctx.obj
@@ -86,7 +86,8 @@ def export(
             from app.map.picture.files import map_of_store
 
             terrain = current_dem(session, settings.dem_dir)
-            source = attribution(rasters_over(session, terrain, bbox=box, driven=driven))
+            under = sources_over(session, terrain, bbox=box, driven=driven)
+            source = attribution(one.credit for one in under)
             drawn, notes = map_of_store(
                 session, map_file, box, driven=driven, gaps=gaps, source=source, scale=scale
             )

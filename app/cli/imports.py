@@ -140,6 +140,10 @@ def import_dem(
         "given. `versant elevation priority` changes it.",
         metavar="N",
     ),
+    source: str | None = opt(
+        "Whose data it is, as maps and files are to credit it; else they name the files.", metavar="TEXT"
+    ),
+    licence: str | None = opt("Its licence, such as 'CC BY 4.0'.", metavar="TEXT"),
     data_dir: Path | None = DATA_DIR,
     json_file: Path | None = JSON_FILE,
 ) -> None:
@@ -161,13 +165,13 @@ def import_dem(
     started = time.perf_counter()
     with sessions(data_dir, make=console) as (settings, factory), console.progress() as bars:
         stored = dem_files.store_files(files, settings.dem_dir, bars.work("files"), operator_limits(settings))
-        active = dem_imports.add_dem(
-            factory, stored, settings.dem_dir, bars.work("elevation"), priority=priority
-        )
+        said = {"source": source, "licence": licence}
+        progress = bars.work("elevation")
+        active = dem_imports.add_dem(factory, stored, settings.dem_dir, progress, priority=priority, **said)
         with factory() as session:
             covering = rasters_over(session, active)
     seconds = time.perf_counter() - started
-    lonely = sorted({source.name for source in stored} - set(covering))
+    lonely = sorted({one.name for one in stored} - set(covering))
     with_quality = [path.name for path, quality in pair(active.paths) if quality is not None]
     plural = "s" * (len(active.names) != 1)
     typer.echo(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,7 +66,7 @@ def upload(
     """Upload drive logs to a service; exit status 1 if any of them failed.
 
     A zip becomes as many drives as are in it, each with a line of its own. The same bytes again are the same drive: an
-    upload that broke off may simply be repeated.
+    upload that broke off may simply be repeated. A drive where no roads are waits for them, and has failed for scripts.
     """
     console: Console = ctx.obj
     options = cli.parse_assignments(option, "--option")
@@ -87,7 +88,8 @@ def upload(
             for one in uploads:
                 _follow(client, one, bars, console)
     rows = [one.figures() for one in uploads]
-    console.table(SHOWN, [[row[name] for name in SHOWN] for row in rows])
+    shown = [{**row, "status": shown_status(row["status"], row["waits_for"])} for row in rows]
+    console.table(SHOWN, [[row[name] for name in SHOWN] for row in shown])
     write_json(json_file, {"server": client.server, "uploads": rows})
     if any(one.failed for one in uploads):
         raise typer.Exit(1)
@@ -147,6 +149,11 @@ class Upload:
         return self.status in {"not sent", "failed", "cancelled"} or self.left_out not in {None, *NO_LOGS}
 
     @property
+    def waits_for(self) -> dict[str, Any] | None:
+        """What is missing until it is computed by itself; None: nothing, or the service is too old to say."""
+        return self.drive.document.get("waits_for") if self.drive else None
+
+    @property
     def report(self) -> dict[str, Any]:
         """What the service reports of it; empty before it is done."""
         return (self.drive.document.get("report") or {}) if self.drive and self.status == "done" else {}
@@ -163,11 +170,17 @@ class Upload:
             "status": self.status,
             "segments": self.segments,
             "reason": self.reason,
+            "waits_for": self.waits_for,
             "summary": summary(self.name, self.report) if self.report else None,
             "warnings": list(self.report.get("warnings", ())),
             "address": link_of(document, "self"),
             "profile": link_of(document, "profile", "image/png") if self.report else None,
         }
+
+
+def shown_status(status: str, waits_for: Mapping[str, Any] | None) -> str:
+    """A drive's status for people: one that failed for want of roads waits for them."""
+    return f"waits for {waits_for['kind']}" if waits_for else status
 
 
 def _send(
@@ -193,7 +206,7 @@ def _send(
     uploads = _drives_of(source, sent)
     for one in uploads:
         if one.failed and one.drive and not wait:
-            console.complain(f"{one.name}: {one.reason or one.status}")
+            _tell_failed(one, console)
     for document in sent.documents:
         doubts = document.get("unclear") or []
         console.warn(source.name, (cli.unclear_words(doubt["files"], doubt["why"]) for doubt in doubts))
@@ -228,6 +241,14 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
             one.segments = sum(1 for _ in client.features(f"/v1/drives/{one.drive.id}/segments"))
         _tell(one, console)
     elif one.failed:
+        _tell_failed(one, console)
+
+
+def _tell_failed(one: Upload, console: Console) -> None:
+    """Say why nothing came of a drive; that it waits for something is no complaint."""
+    if one.waits_for:
+        console.warn(one.name, [f"{shown_status('failed', one.waits_for)}. {one.reason}"])
+    else:
         console.complain(f"{one.name}: {one.reason or one.status}")
 
 

@@ -116,6 +116,20 @@ def note_bounds(session: Session, drive_id: uuid.UUID, generation: int, bounds: 
     return _write(session, drive_id, generation, _BOUNDS, _box(bounds))
 
 
+def note_facts(
+    session: Session,
+    drive_id: uuid.UUID,
+    generation: int,
+    *,
+    epochs: int,
+    distance_m: float | None,
+    drive_time: datetime | None,
+) -> bool:
+    """Note what a log says of itself, of a drive that has no result; False: no longer this worker's."""
+    values = {"epochs": epochs, "distance_m": distance_m, "drive_time": drive_time}
+    return _write(session, drive_id, generation, ", ".join(f"{name} = :{name}" for name in values), values)
+
+
 def note_records(session: Session, drive_id: uuid.UUID, generation: int, records: int) -> None:
     """Note how many records the log has, and count them for the owner, unless a run before has done so."""
     values = {"id": drive_id, "generation": generation, "records": records}

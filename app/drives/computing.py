@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from typing import Any
 
+from app.core.db import Bounds
 from app.core.telemetry.events import Stages
 from app.core.telemetry.logs import blanked, tell
 from app.core.version import code_version
@@ -24,14 +25,15 @@ from app.jobs.context import JobContext
 from app.jobs.requests.store import Failure
 from app.network.extracts import Roads, roads_in
 from app.roads import store as road_store
+from app.roads.named_extracts import extract_words
 from app.terrain import store as dem
 from app.terrain.heights import open_dem
 from app.terrain.store import DemSet
-from fusion.errors import FusionError
+from fusion.errors import FusionError, NoMatchError
 from fusion.formats import read_log
 from fusion.gnss.positioning import Positioned
 from fusion.methods.base import DriveResult
-from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
+from fusion.pipeline import MIN_FIXES, parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import RoadTable, rows_of
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Ints, Progress
@@ -76,6 +78,12 @@ class NoRoadsError(ProcessingError):
     """There are no roads at all yet."""
 
     kind = "no-roads"
+
+
+class NoRoadsThereError(ProcessingError):
+    """There are roads, and none where the drive was."""
+
+    kind = NoMatchError.kind
 
 
 class RunProgress:
@@ -174,6 +182,8 @@ def compute(
         run.begin("roads")
         with computing():
             around = surroundings_of(context, road_boxes(positioned.log))
+            if not len(around.roads.ids) and len(positioned.log.fix) >= MIN_FIXES:
+                raise NoRoadsThereError(_none_there(positioned.log.bounds_deg()))
         run.begin("estimating")
         with ExitStack() as stack:  # factors may be made anew until they are saved
             with computing():
@@ -209,12 +219,23 @@ def surroundings_of(context: JobContext, boxes_deg: Floats) -> Surroundings:
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
         version = road_store.current_road_version(session)
         if version is None:
+            low, high = boxes_deg.min(axis=0).tolist(), boxes_deg.max(axis=0).tolist()
+            wanted = extract_words((low[0], low[1], high[2], high[3]))
             raise NoRoadsError(
-                "No roads have been imported yet. Import them (`versant import-roads FILE`): then the drive is "
-                "computed by itself."
+                f"No roads have been imported yet. The drive waits for them: import {wanted} "
+                "(`versant import-roads FILE`), and it is computed by itself."
             )
         roads = roads_in(session, boxes_deg)
         return Surroundings(roads, version.id, dem.current_dem(session, context.dem_dir))
+
+
+def _none_there(box: Bounds) -> str:
+    west, south, east, north = box
+    return (
+        f"No roads are imported where it was driven, between {south:.5f} and {north:.5f} degrees north and between "
+        f"{west:.5f} and {east:.5f} degrees east. The drive waits for them: import {extract_words(box)}, and it is "
+        "computed by itself. If it was elsewhere, check the log's coordinates (latitude and longitude swapped?)."
+    )
 
 
 def estimate(

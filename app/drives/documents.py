@@ -23,6 +23,7 @@ from app.core.text import GEO_JSON, Moment
 from app.drives.remaining import remaining_s
 from app.network.cells import cell_name
 from app.network.rejections import Rejections
+from app.roads.named_extracts import NO_ROADS, extracts_over
 from fusion.report import with_contradiction, with_duplicate
 
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"
@@ -34,6 +35,7 @@ DRIVE_EXAMPLE: dict[str, Any] = {
     "stage": None,
     "remaining_s": None,
     "failure": None,
+    "waits_for": None,
     "filename": "monday.ubx",
     "size_bytes": 5_021_417,
     "sha256": "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08",
@@ -59,6 +61,8 @@ DRIVE_EXAMPLE: dict[str, Any] = {
 DriveStatus = StrEnum("DriveStatus", {name.upper(): name for name in DRIVE_STATUSES})  # type: ignore[misc]
 ENDED = frozenset({"done", "failed"})
 """Statuses that stay until somebody asks for more; a cancelled drive will soon be gone."""
+ROADS_STAGE = "roads"
+"""The stage in which a drive fails for want of roads where it was."""
 MOST_NAMED = 5
 """Cells that one warning names."""
 
@@ -84,6 +88,28 @@ class Failure(BaseModel):
         )
 
 
+class WaitsFor(BaseModel):
+    """What a drive that failed lacks, and is computed by itself once it is there."""
+
+    kind: str = Field(description="`roads`: none are imported where it was driven. Others may come.")
+    extract: str | None = Field(
+        description="Name of the extract of OpenStreetMap that very likely holds them, such as "
+        "`europe/germany/baden-wuerttemberg`; null: none that is known holds the whole drive's box."
+    )
+    extracts: list[str] = Field(description="The same and others that may, the likeliest first.")
+
+    @classmethod
+    def of(cls, columns: Mapping[str, Any]) -> WaitsFor | None:
+        """What the drive of a row waits for; None: nothing. The list's filter says the same (``app.drives.store``)."""
+        if columns["status"] != "failed" or columns["stage"] != ROADS_STAGE:
+            return None
+        if columns["failure_kind"] not in NO_ROADS or columns["log_deleted_at"] is not None:
+            return None
+        box = columns["bbox"]
+        names = () if box is None else extracts_over((box[0], box[1], box[2], box[3]))
+        return cls(kind="roads", extract=next(iter(names), None), extracts=list(names))
+
+
 # Whoever reads the document finds every member, also the links, which a drive fresh from the store has not.
 class Drive(
     BaseModel,
@@ -102,6 +128,11 @@ class Drive(
         description="About how long it will still be computed, seconds, rounded; null where nobody knows.",
     )
     failure: Failure | None = Field(description="Why it failed; null unless status is failed.")
+    waits_for: WaitsFor | None = Field(
+        None,
+        description="Of a drive with status `failed` that is nobody's fault: what is missing until it is computed by "
+        "itself. Its track and profile are what the log says. Null where it waits for nothing.",
+    )
     filename: str = Field(description="Of several files their names, separated by commas.")
     size_bytes: int = Field(
         description="Size as uploaded; of several files that of the zip that they are kept as."
@@ -167,6 +198,7 @@ class Drive(
         left_s = remaining_s(columns["ran_s"], columns["progress"], columns["stage"])
         derived = {
             "failure": Failure.of(columns),
+            "waits_for": WaitsFor.of(columns),
             "unsolved": unsolved,
             "report": report,
             "remaining_s": left_s,

@@ -16,6 +16,7 @@ from dataclasses import replace
 from enum import Enum
 from typing import Any
 
+import numpy as np
 from sqlalchemy.orm import Session
 
 from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
@@ -26,9 +27,17 @@ from app.core.telemetry.logs import about, tell
 from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
 from app.core.version import code_version
 from app.drives import claims, publishing, queue, tracks
-from app.drives.computing import Computed, Computing, RunProgress, compute, failure_of
+from app.drives.computing import (
+    Computed,
+    Computing,
+    NoRoadsError,
+    NoRoadsThereError,
+    RunProgress,
+    compute,
+    failure_of,
+)
 from app.drives.documents import Drive
-from app.drives.log_facts import records_of
+from app.drives.log_facts import drive_time, records_of, track_of
 from app.jobs.context import JobContext
 from app.jobs.requests.pieces import never
 from app.jobs.requests.run import Discarded, Progress
@@ -43,6 +52,7 @@ from fusion.lags import LAG_ROUNDS, factors_for_lag
 from fusion.methods.base import DriveResult
 from fusion.network.pass_columns import PACKED_AT_ONCE
 from fusion.pipeline import parse_options
+from fusion.report import track_length_m
 from fusion.types import DriveLog, Ints
 from fusion.types import Progress as LibraryProgress
 
@@ -147,7 +157,10 @@ def _run(
         with context.sessions.begin() as session:
             claims.note_records(session, drive.id, drive.generation, records_of(log))
 
+    positioned: list[DriveLog] = []
+
     def note_bounds(log: DriveLog) -> None:
+        positioned[:] = [log]
         with context.sessions.begin() as session:
             claims.note_bounds(session, drive.id, drive.generation, log.bounds_deg())
 
@@ -161,10 +174,33 @@ def _run(
         run.begin("saving")
         return _append(context, drive, replace(computed, result=settled), behind=behind)
 
-    computed = compute(context, drive, run, computing, publish, read=note_records, located=note_bounds)
+    try:
+        computed = compute(context, drive, run, computing, publish, read=note_records, located=note_bounds)
+    except (NoRoadsError, NoRoadsThereError):
+        _keep_track(context, drive, positioned[0])
+        raise
     stages.end()
     sizes: dict[str, Any] = {"epochs": len(computed.result.track), "segments": len(computed.result.slopes)}
     tell(logger, "drive computed", method=drive.method, **sizes | stages.seconds)
+
+
+def _keep_track(context: JobContext, drive: Drive, log: DriveLog) -> None:
+    """Keep the way that the log itself tells, to be shown while the drive waits for roads; a result's stays."""
+    if drive.report is not None:
+        return
+    track = track_of(log)
+    with context.sessions.begin() as session:
+        if not claims.lock_running(session, drive.id, drive.generation):
+            raise Discarded
+        tracks.save_track(session, drive.id, track, np.empty(0, np.int64))
+        claims.note_facts(
+            session,
+            drive.id,
+            drive.generation,
+            epochs=len(track),
+            distance_m=track_length_m(track),
+            drive_time=drive_time(log),
+        )
 
 
 def _append(context: JobContext, drive: Drive, computed: Computed, *, behind: bool) -> bool:

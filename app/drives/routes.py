@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Body, Query, Request, Response
 from pydantic import BaseModel, Field
@@ -42,6 +42,11 @@ class DriveListRequest(BaseModel):
     status: DriveStatus | None = Field(None, description="Only drives of this status.")
     failure: Name | None = Field(
         None, description="Only drives that failed for this reason.", examples=["no-match"]
+    )
+    waits_for: Literal["roads", "nothing"] | None = Field(
+        None,
+        description="Only drives that wait for that, and are computed by themselves once it is there; `nothing`: only "
+        "those that wait for nothing.",
     )
     created_after: Time | None = Field(None, description="Only drives uploaded then or later.")
     created_before: Time | None = Field(None, description="Only drives uploaded before.")

@@ -21,10 +21,11 @@ from app.core.caller import present_caller, seeing_all
 from app.core.db import plain_json, plain_text
 from app.core.tables import HAS_LOG, IS_SHOWN
 from app.core.telemetry.tracing import traceparent
-from app.drives.documents import Drive, DrivePlace
+from app.drives.documents import ROADS_STAGE, Drive, DrivePlace
 from app.drives.listing import Order, key_of, matching, stretches
 from app.network.marks import PATIENCE
 from app.network.rejections import Rejections, rejections_of
+from app.roads.named_extracts import NO_ROADS
 
 # What a Drive is made of; the table is called d. Few drives have marks, and these an index.
 _SHOWN = f"""
@@ -54,10 +55,18 @@ _GET_BY_CONTENT = text(
     """
 )
 
+WAITS_FOR_ROADS = f"""
+    d.status = 'failed' AND d.failure_kind IN {NO_ROADS} AND d.stage = '{ROADS_STAGE}' AND d.{HAS_LOG}
+"""
+"""Drives (d) that ended for want of roads where they were, and are computed by themselves once these come. What
+matches no road that is there fails in a later stage, and waits for nothing."""
+
 # Answered from the indexes of the orders, of the status and of the failure: what is not asked for is left out.
 _FILTERS = {
     "status": " AND d.status = :status",
     "failure": " AND d.status = 'failed' AND d.failure_kind = :failure",
+    "waits_for=roads": f" AND {WAITS_FOR_ROADS}",
+    "waits_for=nothing": f" AND ({WAITS_FOR_ROADS}) IS NOT TRUE",
     "created_after": " AND d.created_at >= :created_after",
     "created_before": " AND d.created_at < :created_before",
     "batch": " AND d.batch_id = :batch",
@@ -200,10 +209,13 @@ def list_drives(
     """At most ``limit`` drives in this order, those next behind the place ``after`` or the last before ``before``.
 
     Those with words of ``q`` in the file's name for which all holds that is ``asked`` and not None: ``status``,
-    ``failure`` (the kind of it), ``created_after`` and ``created_before`` (of the upload), ``batch``.
+    ``failure`` (the kind of it), ``waits_for`` (``roads`` or ``nothing``), ``created_after`` and ``created_before`` (of
+    the upload), ``batch``.
     """
     values = {name: value for name, value in asked.items() if value is not None}
-    conditions = "".join(_FILTERS[name] for name in values)
+    conditions = "".join(
+        _FILTERS[name if name in _FILTERS else f"{name}={value}"] for name, value in values.items()
+    )
     if q is not None:
         named_so, words = matching(session, q)
         conditions, values = conditions + named_so, values | words

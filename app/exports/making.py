@@ -27,7 +27,7 @@ from app.exports.formats import FORMATS
 from app.exports.source import OnProgress, Query, Source, parts_of
 from app.map import segment
 from app.roads.store import all_regions, known_region
-from app.terrain.coverage import rasters_over
+from app.terrain.coverage import sources_over
 from app.terrain.store import current_dem
 from fusion.errors import BadOptionsError, FusionError
 
@@ -67,13 +67,13 @@ def provenance(session: Session, place: FilePlace, state: State, request: Reques
     """The document on the origin of what a session sees: state, request, licences, regions, rasters, program."""
     active = current_dem(session, place)
     boxes: Sequence[Bounds | None] = [None] if request.bbox is None else parts_of(request.bbox)
-    over = {name for box in boxes for name in rasters_over(session, active, bbox=box, driven=request.driven)}
+    over = {one for box in boxes for one in sources_over(session, active, bbox=box, driven=request.driven)}
     return {
         "generator": f"Versant {code_version()}",
         "data_version": state.version,
         "changed_at": utc_text(state.changed_at),
         "request": request.document(),
-        "attribution": segment.attribution(over),
+        "attribution": segment.attribution(one.credit for one in over),
         "licences": [
             {
                 "of": "roads, and all that derives from them",
@@ -100,7 +100,9 @@ def provenance(session: Session, place: FilePlace, state: State, request: Reques
             "datum": active.datum,
             "imported_at": utc_text(active.imported_at),
             "rasters": [
-                {"name": one.name, "sha256": one.sha256} for one in active.sources if one.name in over
+                {"name": one.name, "sha256": one.sha256, "source": one.source, "licence": one.licence}
+                for one in active.sources
+                if one in over
             ],
         },
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -14,12 +15,13 @@ from app.map.segment import Segment
 from app.network import ZOOM
 from app.network.cells import cell_bounds
 from app.roads.store import road_crowds, road_extent, road_tag
-from app.terrain.coverage import names_over, rasters_over
+from app.terrain.coverage import names_over, sources_over
 from app.terrain.store import current_dem
 from fusion.types import Bools, Floats, Ints
 
 MOST_ROADS = 0.98
 """Share of the roads that an opened map shows from west to east, and from south to north."""
+BOX_DIGITS, MOST_BOXES = 4, 300
 SHOWN_AT_ONCE = 1.5
 """Tiles of the lowest zoom that has any, over which an opened map may reach: from farther nothing is drawn."""
 
@@ -85,7 +87,23 @@ def _together(places: Ints, weights: Floats, widest: float) -> Bools:
 def dem_names(service: Service, session: Session, shown: Sequence[Segment] | None = None) -> tuple[str, ...]:
     """The active elevation rasters that cover a segment that is shown, as attributions name them; None: any segment."""
     active = current_dem(session, service.settings.dem_dir)
-    return rasters_over(session, active) if shown is None else names_over(active, [_box(s) for s in shown])
+    if shown is None:
+        return tuple(source.credit for source in sources_over(session, active))
+    return names_over(active, [_box(s) for s in shown])
+
+
+def elevation_credits(service: Service, session: Session) -> list[dict[str, Any]]:
+    """Whose elevation data lies where, of those under any segment: ``credit`` and its ``boxes``, degrees; a map credits
+    by it what it shows. A raster of unknown bounds is everywhere. None where they are too many for a small document.
+    """
+    active = current_dem(session, service.settings.dem_dir)
+    boxes: dict[str, list[list[float]]] = {}
+    for source in sources_over(session, active):
+        box = source.bounds_deg or (-180.0, -90.0, 180.0, 90.0)
+        boxes.setdefault(source.credit, []).append([round(corner, BOX_DIGITS) for corner in box])
+    if sum(map(len, boxes.values())) > MOST_BOXES:
+        return []
+    return [{"credit": credit, "boxes": each} for credit, each in boxes.items()]
 
 
 def dem_names_at(

@@ -233,7 +233,7 @@ MOST_RASTERS = 4
 
 
 def attribution(dem_names: Iterable[str] = ()) -> str:
-    """One line of plain text: OpenStreetMap and its licence, then the elevation rasters by name."""
+    """One line of plain text: OpenStreetMap and its licence, then whose elevation data."""
     roads = f"Roads {OSM_ATTRIBUTION}, {OSM_LICENSE}"
     rasters = _shortened(dem_names)
     return f"{roads}; elevation from {rasters}" if rasters else roads

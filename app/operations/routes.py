@@ -43,7 +43,7 @@ logger = logging.getLogger(__name__)
 
 TAKEN: Mapping[Kind, frozenset[str]] = {
     Kind.IMPORT_ROADS: frozenset({"region", "filename"}),
-    Kind.IMPORT_DEM: frozenset({"priority", "filename"}),
+    Kind.IMPORT_DEM: frozenset({"priority", "source", "licence", "filename"}),
     Kind.REMOVE_REGION: frozenset({"name"}),
     Kind.REMOVE_RASTER: frozenset({"name"}),
     Kind.SETTLE: frozenset(),
@@ -53,6 +53,8 @@ TAKEN: Mapping[Kind, frozenset[str]] = {
 }
 """Which parameters belong to which kind."""
 LEAST_PRIORITY, MOST_PRIORITY = -1000, 1000
+MOST_CREDIT = 200
+"""Characters of a source, or of a licence."""
 
 router = APIRouter(prefix="/v1/operations", tags=["operation"])
 
@@ -85,6 +87,15 @@ class OperationRequest(BaseModel):
         ge=LEAST_PRIORITY,
         le=MOST_PRIORITY,
         description="Of `import-dem`: where rasters lie over each other the highest counts.",
+    )
+    source: str | None = Field(
+        None,
+        max_length=MOST_CREDIT,
+        description="Of `import-dem`: whose data it is, as maps and files are to credit it.",
+        examples=["Copernicus DEM GLO-30, © DLR and Airbus"],
+    )
+    licence: str | None = Field(
+        None, max_length=MOST_CREDIT, description="Of `import-dem`: its licence.", examples=["CC BY 4.0"]
     )
     name: str | None = Field(None, max_length=255, description="Of removals: the region or the raster.")
     filename: str | None = Field(

@@ -157,8 +157,8 @@ def _dem(run: Run) -> Outcome:
         progress("copying", 0.0)
         stored = store_files([_file_of(run)], place, progress, request_limits(run.settings))
         _note_state(run, begun=True)
-        priority = run.request.request.get("priority")
-        active = add_dem(run.sessions, stored, place, progress, priority=priority)
+        said = {name: run.request.request.get(name) for name in ("priority", "source", "licence")}
+        active = add_dem(run.sessions, stored, place, progress, **said)
         with run.sessions() as session:
             lonely = sorted({source.name for source in stored} - set(rasters_over(session, active)))
     count = "1 raster" if len(active.names) == 1 else f"{len(active.names)} rasters"

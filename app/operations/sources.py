@@ -35,6 +35,8 @@ _RASTER: dict[str, Any] = {
     "resolution_m": 30.9,
     "bbox": [7.999861, 48.999861, 9.000139, 50.000139],
     "imported_at": "2026-11-20T09:14:02.500Z",
+    "source": "Copernicus DEM GLO-30, © DLR and Airbus",
+    "licence": "CC BY 4.0",
     "with_quality": False,
 }
 _RASTERS = {"rasters": [_RASTER], "datum": "EGM96", "links": []}
@@ -77,6 +79,8 @@ class RasterSeen(BaseModel, json_schema_extra={"examples": [_RASTER]}):
     )
     bbox: Bounds | None = Field(description="West, south, east, north, degrees; null: not known.")
     imported_at: Moment | None
+    source: str | None = Field(description="Whose data it is, as was said at the import; null: nobody said.")
+    licence: str | None = Field(description="Its licence; null: nobody said.")
     with_quality: bool = Field(
         description="Whether a quality layer tells how many scenes stand behind each post."
     )
@@ -128,6 +132,8 @@ def list_rasters(service: ServiceDep, base: BaseUrl) -> RasterList:
             resolution_m=source.posting_m,
             bbox=source.bounds_deg,
             imported_at=came.get(source.uri),
+            source=source.source,
+            licence=source.licence,
             with_quality=source.with_quality,
         )
         for source in (active.sources if active else ())

@@ -19,6 +19,7 @@ from sqlalchemy.orm import Session
 from app.core.tables import MIDDLE_CELL
 from app.network import ZOOM
 from app.network.extracts import ROAD_COLUMNS, ROAD_ORDER, road_table
+from app.roads.named_extracts import NO_ROADS
 from app.roads.retired import MEASURED, Return, returns_among
 from fusion.roads.changes import Change, RoadChanges, compare
 from fusion.roads.table import RoadTable
@@ -91,8 +92,6 @@ _PASSES_ON = text("""
     ORDER BY one.place
 """)
 
-NO_ROADS = ("no-match", "no-roads")
-"""What a drive fails of where roads are missing."""
 _FAILED = text("""
     SELECT id, ST_XMin(bounds) AS west, ST_YMin(bounds) AS south, ST_XMax(bounds) AS east, ST_YMax(bounds) AS north
     FROM drives WHERE status = 'failed' AND failure_kind = ANY(CAST(:kinds AS text[]))

@@ -51,14 +51,21 @@ _EFFECT = text(f"""
 def rasters_over(
     session: Session, active: DemSet | None, *, bbox: Bounds | None = None, driven: bool = False
 ) -> tuple[str, ...]:
-    """Names of the rasters that cover a segment: one that meets the box, and was driven, where that is asked."""
+    """Names of ``sources_over``."""
+    return tuple(source.name for source in sources_over(session, active, bbox=bbox, driven=driven))
+
+
+def sources_over(
+    session: Session, active: DemSet | None, *, bbox: Bounds | None = None, driven: bool = False
+) -> tuple[DemSource, ...]:
+    """The rasters that cover a segment: one that meets the box, and was driven, where that is asked."""
     if active is None:
         return ()
     within = f"{_WITHIN if bbox else ''} {_DRIVEN if driven else ''}"
     corners = dict(zip("wsen", bbox, strict=True)) if bbox else {}
     query = text(_WITH_SEGMENTS.format(and_within=within))
     numbers = session.execute(query, {**_columns(active.sources), **corners}).scalars()
-    return tuple(active.sources[number - 1].name for number in sorted(numbers))
+    return tuple(active.sources[number - 1] for number in sorted(numbers))
 
 
 def segments_under(session: Session, sources: Sequence[DemSource]) -> list[int]:
@@ -85,9 +92,9 @@ def effect_of_removal(session: Session, gone: Sequence[DemSource], left: Sequenc
 
 
 def names_over(active: DemSet | None, boxes_deg: Sequence[Bounds]) -> tuple[str, ...]:
-    """Names of the rasters that meet one of the boxes (west, south, east, north)."""
+    """Credits, or else names, of the rasters that meet one of the boxes (west, south, east, north)."""
     sources = () if active is None else active.sources
-    return tuple(source.name for source in sources if any(map(source.may_meet, boxes_deg)))
+    return tuple(source.credit for source in sources if any(map(source.may_meet, boxes_deg)))
 
 
 def _columns(sources: Sequence[DemSource]) -> dict[str, list[float]]:

@@ -51,29 +51,43 @@ def add_dem(
     progress: Progress = no_progress,
     *,
     priority: int | None = None,
+    source: str | None = None,
+    licence: str | None = None,
 ) -> DemSet:
     """Add stored rasters to the active set and renew slopes and heights of the segments that they cover.
 
     A raster that is in the set already changes nothing; one with the name of an active raster but other bytes
     takes its place. Names are compared without regard to case: N50E007.hgt and n50e007.HGT are one tile. Without a
-    ``priority`` a raster keeps that of the one in whose place it comes, and a new one has 0.
+    ``priority`` a raster keeps that of the one in whose place it comes, and a new one has 0; so it is with ``source``
+    and ``licence``, which say whose data it is.
     Drives processed before keep their estimates; the network takes the new heights into account where later
     drives pass, or by `versant settle`. Drives and solvers wait for a piece of the work at most.
     """
 
     def added(former: Sequence[DemSource]) -> list[DemSource]:
-        known = {source.name.casefold(): source.priority for source in former}
+        known = {one.name.casefold(): one for one in former}
         ranked = [
-            replace(s, priority=known.get(s.name.casefold(), 0) if priority is None else priority)
-            for s in sources
+            _as_said(one, known.get(one.name.casefold(), one), priority, source, licence) for one in sources
         ]
-        new = [source for source in dict.fromkeys(ranked) if source not in former]
-        names = {source.name.casefold() for source in new}
-        return [source for source in former if source.name.casefold() not in names] + new
+        new = [one for one in dict.fromkeys(ranked) if one not in former]
+        names = {one.name.casefold() for one in new}
+        return [one for one in former if one.name.casefold() not in names] + new
 
     dem = _change(sessions, added, dem_dir, progress)
     assert dem is not None  # noqa: S101 - at least what was added is there
     return dem
+
+
+def _as_said(
+    one: DemSource, before: DemSource, priority: int | None, source: str | None, licence: str | None
+) -> DemSource:
+    """A raster with what was said of it now, or else of the one before it."""
+    return replace(
+        one,
+        priority=before.priority if priority is None else priority,
+        source=source or before.source,
+        licence=licence or before.licence,
+    )
 
 
 def remove_dem(
@@ -125,7 +139,9 @@ def _switch(
 ) -> tuple[DemSet | None] | None:
     """Make these the active rasters; None where others than before are by now. What takes long comes first."""
     former = list(active.sources) if active else []
-    changed = [s for s in sources if s not in former] + [s for s in former if s not in sources]
+    # Whose data it is changes no height.
+    old, new = ({replace(one, source=None, licence=None): one for one in each} for each in (former, sources))
+    changed = [new[one] for one in new if one not in old] + [old[one] for one in old if one not in new]
     boxes = [reach_deg(source, dem_dir) for source in changed]
     datum = NO_DATUM
     if sources:  # all of them can be used together, or nothing is changed

@@ -31,6 +31,7 @@ class DemSource:
     another source. ``priority``: the higher the sooner it counts. ``bounds_deg``: west, south, east, north of its
     pixels, degrees; None of sources of before 0014 until they are needed (``app.terrain.files``). ``posting_m``: the
     distance of its posts, the larger one of rows and columns; None of sources that came before it was noted.
+    ``source`` and ``licence``: whose data it is, as was said at the import; None: nobody said.
     """
 
     name: str
@@ -39,6 +40,8 @@ class DemSource:
     priority: int = 0
     bounds_deg: Bounds | None = field(default=None, compare=False)
     posting_m: float | None = field(default=None, compare=False)
+    source: str | None = None
+    licence: str | None = None
 
     @classmethod
     def of(cls, stored: Mapping[str, Any]) -> Self:
@@ -46,7 +49,12 @@ class DemSource:
         corners = stored.get("bounds_deg")
         bounds = None if corners is None else (corners[0], corners[1], corners[2], corners[3])
         known = stored["name"], stored["uri"], stored["sha256"], stored.get("priority") or 0
-        return cls(*known, bounds, stored.get("posting_m"))
+        return cls(*known, bounds, stored.get("posting_m"), stored.get("source"), stored.get("licence"))
+
+    @property
+    def credit(self) -> str:
+        """Whose data it is, as attributions say it; by its name where nobody said."""
+        return (self.source or self.name) + (f" ({self.licence})" if self.licence else "")
 
     @property
     def with_quality(self) -> bool:
@@ -73,7 +81,7 @@ class DemSet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The rasters' names, as attributions give them."""
+        """The rasters' names."""
         return tuple(source.name for source in self.sources)
 
     @property

@@ -24,7 +24,7 @@ _DRIVES = text(
            day + interval '1 minute', day - interval '10 days',
            ST_MakeEnvelope(8 + k * 0.01, 49, 8.001 + k * 0.01, 49.001, 4326),
            CASE WHEN k % 4 = 3 THEN 'no-match' END, CASE WHEN k % 4 = 3 THEN 'No road.' END,
-           CASE WHEN k % 4 = 3 THEN 'roads' END
+           CASE WHEN k % 4 = 3 THEN 'match' END
     FROM generate_series(0, :n - 1) AS k,
         LATERAL (SELECT CAST('2026-01-01Z' AS timestamptz) + k * interval '1 day' * :days AS day) AS made
     """

@@ -12,7 +12,7 @@ import typer
 
 from app.cli.console import Console, figure, write_json
 from app.cli.options import JSON_FILE, arg, opt
-from app.cli.remote import KEY, KEY_DIR, SERVER, service_client
+from app.cli.remote import KEY, KEY_DIR, SERVER, service_client, shown_status
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -51,6 +51,7 @@ def list_drives(
     failure: str | None = opt(
         "Only drives that failed so, such as no-match or malformed-log.", metavar="KIND"
     ),
+    waits_for: Literal["roads"] | None = opt("Only drives that wait for that.", "--waits-for"),
     since: str | None = opt(
         "Only drives uploaded since, such as 2026-11-20.", metavar="TIME", callback=a_moment
     ),
@@ -60,7 +61,8 @@ def list_drives(
 ) -> None:
     """List drives, the newest upload first, with the reason of what failed."""
     console: Console = ctx.obj
-    filters = {"status": status, "failure": failure, "created_after": since, "batch": batch}
+    filters: dict[str, str | int | None] = {"status": status, "failure": failure, "waits_for": waits_for}
+    filters |= {"created_after": since, "batch": batch}
     with service_client(server, key, data_dir) as client:
         drives = listed(client, filters, limit)
     columns = ("id", "status", "file", "km", "segments", "uploaded", "method", "reason")
@@ -129,15 +131,18 @@ def failures_table(console: Console, failed: Iterable[Mapping[str, Any]]) -> Non
 
 def drive_lines(document: Mapping[str, Any]) -> list[str]:
     """A drive's document as lines to read, in groups; what is unknown is left out."""
-    failure, report = _failure(document), document.get("report") or {}
+    failure, report, waits_for = _failure(document), document.get("report") or {}, document.get("waits_for")
+    result = "Result" if not failure else "Result of an earlier run" if report else "What the log says"
     groups = {
         f"Drive {document['id']}": _of_drive(document),
         "Times": {
             name: _when(document.get(f"{name}_at")) for name in ("created", "queued", "started", "finished")
         }
         | {"recorded": _when(document.get("drive_time"))},
-        "Failure": {name: failure.get(name) for name in ("kind", "stage", "where", "reason")},
-        "Result" if not failure else "Result of an earlier run": _of_result(document, report),
+        "Reason" if waits_for else "Failure": {
+            name: failure.get(name) for name in ("kind", "stage", "where", "reason")
+        },
+        result: _of_result(document, report),
         "Ride": _of_ride(document.get("ride") or {}),
     }
     lines: list[str] = []
@@ -154,12 +159,13 @@ def drive_lines(document: Mapping[str, Any]) -> list[str]:
 
 
 def _of_drive(document: Mapping[str, Any]) -> dict[str, Any]:
-    under_way = document["status"] in {"queued", "running"}
+    under_way, waits_for = document["status"] in {"queued", "running"}, document.get("waits_for")
     options = ", ".join(f"{name}={value}" for name, value in (document.get("options") or {}).items())
     return {
         "file": document["filename"],
         "size": _size(document.get("size_bytes")),
-        "status": document["status"],
+        "status": shown_status(document["status"], waits_for),
+        "extract that would help": (waits_for or {}).get("extract"),
         "stage": document.get("stage") if under_way else None,
         "progress": _percent(document.get("progress")) if under_way else None,
         "method": document["method"],
@@ -236,7 +242,7 @@ def _row(document: Mapping[str, Any]) -> list[Any]:
     short = reason if len(reason) <= SHORT_REASON else reason[:SHORT_REASON].rpartition(" ")[0] + " ..."
     return [
         document["id"],
-        document["status"],
+        shown_status(document["status"], document.get("waits_for")),
         document["filename"],
         _km(document),
         (document.get("report") or {}).get("segments_estimated"),

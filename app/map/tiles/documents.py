@@ -8,7 +8,7 @@ from typing import Any
 
 from app.core.http import Link, Service, link, link_documents
 from app.core.settings import Settings
-from app.map.coverage import cached_extent, dem_names
+from app.map.coverage import cached_extent, dem_names, elevation_credits
 from app.map.segment import CRS84, OSM_LICENSE, OSM_LICENSE_URL, attribution, attribution_html
 from app.map.tiles.front import MVT, QUAD
 from app.map.tiles.store import EDGE_DEG, SEGMENTS, WAYS, column_of, row_of
@@ -204,6 +204,7 @@ def tilejson(service: Service, base: str, layer: str) -> dict[str, Any]:
         bounds = cached_extent(service, session)
         said = {
             "attribution": attribution_html(dem_names(service, session)),
+            "versant:elevation": elevation_credits(service, session),
             **service.edition_note(session),
         }
     about = ABOUT[layer]

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import TextClause, text
 from sqlalchemy.orm import Session
 
+from app.drives.store import WAITS_FOR_ROADS
 from app.network.marks import PATIENCE
 from app.ops import store
 
@@ -31,6 +32,15 @@ _FAILED = text("""
     WHERE status = 'failed' AND day > CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
     GROUP BY failure_kind HAVING sum(drives) > 0 ORDER BY 2 DESC, 1
 """)
+# Of the same days, which are those of the uploads.
+_FOR_ROADS = text(f"""
+    SELECT d.failure_kind AS kind, count(*) AS drives,
+           extract(epoch FROM clock_timestamp() - min(d.created_at)) AS oldest_s
+    FROM drives AS d
+    WHERE {WAITS_FOR_ROADS}
+        AND d.created_at >= date_trunc('day', now(), 'UTC') - make_interval(days => CAST(:days AS integer) - 1)
+    GROUP BY d.failure_kind
+""")  # noqa: S608 - a constant
 
 
 def _drives_since(moment: str, condition: str) -> TextClause:
@@ -149,8 +159,21 @@ def _cells(session: Session) -> list[dict[str, Any]]:
 
 
 def _failed(session: Session) -> list[dict[str, Any]]:
+    waiting = {row.kind: row for row in session.execute(_FOR_ROADS, {"days": FAILED_DAYS})}
     rows = []
-    for kind, count in session.execute(_FAILED, {"days": FAILED_DAYS}):
+    if waiting:
+        what = (
+            "Drives wait for roads where they were: once these are imported, they are computed by themselves."
+        )
+        count, oldest_s = (
+            sum(row.drives for row in waiting.values()),
+            max(row.oldest_s for row in waiting.values()),
+        )
+        rows.append(_row("roads", False, what, "/drives?waits_for=roads", count, oldest_s))
+    for kind, failed in session.execute(_FAILED, {"days": FAILED_DAYS}):
+        count = failed - (waiting[kind].drives if kind in waiting else 0)
+        if count <= 0:
+            continue
         what = f"Drives of the last {FAILED_DAYS} days failed: {kind or 'for a reason that was not noted'}."
         link = f"/drives?status=failed&failure={kind}" if kind else "/drives?status=failed"
         rows.append(_row("failed", kind in FAULTS, what, link, count))

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from app.core.schema import schema_state
 from app.core.version import code_version
+from app.drives.store import WAITS_FOR_ROADS
 from app.roads.store import current_road_version
 
 LATEST_DRIVES = 5000
@@ -55,18 +56,25 @@ def _by(query: str) -> Read:
     return read
 
 
-drives_by_day = _by("""
+drives_by_day = _by(f"""
     SELECT day, status, CAST(sum(drives) AS bigint) AS drives, greatest(sum(distance_m), 0) / 1000 AS km,
-           CAST(sum(size_bytes) AS bigint) AS uploaded_bytes
+           CAST(sum(size_bytes) AS bigint) AS uploaded_bytes,
+           CASE WHEN status = 'failed' THEN (
+               SELECT count(*) FROM drives AS d WHERE {WAITS_FOR_ROADS}
+                   AND d.created_at >= CAST(day AS timestamp) AT TIME ZONE 'UTC'
+                   AND d.created_at < CAST(day + 1 AS timestamp) AT TIME ZONE 'UTC') ELSE 0 END AS waiting
     FROM drive_counts WHERE day > CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
     GROUP BY day, status HAVING sum(drives) > 0 ORDER BY day DESC, status
-""")
+""")  # noqa: S608 - a constant
 """Drives by day of the upload and status."""
 
 # The reason of one of them, by the index on status and upload: the latest that failed so.
-failures = _by("""
+failures = _by(f"""
     SELECT f.kind, f.drives, f.drives / nullif(f.uploaded, 0) AS share, d.failure_reason AS latest_reason,
-           d.created_at AS latest_at, d.id AS latest_drive
+           d.created_at AS latest_at, d.id AS latest_drive, (
+               SELECT count(*) FROM drives AS d WHERE d.failure_kind = f.kind AND {WAITS_FOR_ROADS}
+                   AND d.created_at >= date_trunc('day', now(), 'UTC')
+                       - make_interval(days => CAST(:days AS integer) - 1)) AS waiting
     FROM (SELECT failure_kind AS kind, CAST(sum(drives) AS bigint) AS drives,
                  (SELECT CAST(sum(drives) AS float8) FROM drive_counts
                   WHERE day > CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)) AS uploaded
@@ -79,7 +87,7 @@ failures = _by("""
             ORDER BY created_at DESC, id DESC LIMIT :latest) AS late
         WHERE late.failure_kind IS NOT DISTINCT FROM f.kind ORDER BY created_at DESC LIMIT 1) AS d ON true
     ORDER BY f.drives DESC, f.kind
-""")
+""")  # noqa: S608 - a constant
 """Failed drives by reason."""
 
 # Waiting, computing, publishing: the three things that a drive's time goes into.
@@ -116,7 +124,7 @@ queue = _by("""
 """What waits and what runs."""
 
 # Counts by the index on the end, which holds all that they need; medians of the latest drives of each bucket alone.
-throughput = _by("""
+throughput = _by(f"""
     WITH counted AS (
         SELECT date_trunc(:unit, finished_at, 'UTC') AS at, count(*) FILTER (WHERE status = 'done') AS done,
                count(*) FILTER (WHERE status = 'failed') AS failed,
@@ -126,7 +134,9 @@ throughput = _by("""
             AND finished_at IS NOT NULL
         GROUP BY 1
     )
-    SELECT c.at, c.done, c.failed, c.km, m.waited_p50_s, m.computed_p50_s, m.published_p50_s
+    SELECT c.at, c.done, c.failed, c.km, m.waited_p50_s, m.computed_p50_s, m.published_p50_s, (
+        SELECT count(*) FROM drives AS d WHERE {WAITS_FOR_ROADS}
+            AND d.finished_at >= c.at AND d.finished_at < c.at + CAST('1 ' || :unit AS interval)) AS waiting
     FROM counted AS c CROSS JOIN LATERAL (
         SELECT percentile_cont(0.5) WITHIN GROUP (ORDER BY waited) AS waited_p50_s,
                percentile_cont(0.5) WITHIN GROUP (ORDER BY computed) AS computed_p50_s,
@@ -141,7 +151,7 @@ throughput = _by("""
               WHERE status = 'done') AS each) AS m
     WHERE c.done + c.failed > 0
     ORDER BY c.at
-""")
+""")  # noqa: S608 - a constant
 """What ended in each hour, or, of more than ``HOURLY_DAYS`` days, on each day, by the clock of UTC."""
 
 _logs = _by("""

@@ -45,14 +45,15 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
 
 @pytest.fixture
 def upload(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Upload:
-    """``upload(status, arguments)``: the command with a service whose drive ends so."""
+    """``upload(status, arguments)``: the command with a service whose drive ends so; with ``waits_for``, for roads."""
     log = tmp_path / "monday.csv"
     log.write_bytes(b"x")
 
-    def invoke(status: str, *arguments: str) -> Result:
+    def invoke(status: str, *arguments: str, waits_for: dict[str, Any] | None = None) -> Result:
         failure = {"kind": "no-match", "reason": "No road is near."} if status == "failed" else None
         report = REPORT if status == "done" else None
         document = {"id": "7", "status": status, "failure": failure, "report": report, "links": LINKS}
+        document["waits_for"] = waits_for
 
         def answer(request: httpx.Request) -> httpx.Response:
             if request.url.path.endswith("/segments"):
@@ -123,6 +124,21 @@ def test_upload_tells_a_failure_once(upload: Upload, wait: list[str], tmp_path: 
     assert result.stderr == f"versant: {tmp_path / 'monday.csv'}: No road is near.\n"
     assert "failed" in result.stdout
     assert "No road" not in result.stdout
+
+
+@pytest.mark.parametrize("wait", [[], ["--wait"]], ids=str)
+def test_upload_tells_what_waits_for_roads_from_failures(
+    upload: Upload, wait: list[str], tmp_path: Path
+) -> None:
+    waits_for = {"kind": "roads", "extract": "europe/malta", "extracts": ["europe/malta"]}
+    figures = tmp_path / "figures.json"
+    result = upload("failed", *wait, "--json", str(figures), waits_for=waits_for)
+    assert result.exit_code == 1
+    assert result.stderr == f"{tmp_path / 'monday.csv'}: waits for roads. No road is near.\n"
+    assert "waits for roads" in result.stdout
+    assert "failed" not in result.stdout
+    [one] = json.loads(figures.read_text())["uploads"]
+    assert (one["status"], one["waits_for"]) == ("failed", waits_for)
 
 
 def test_fuse_keeps_its_voice_out_of_what_is_piped_on(bundle: Demonstration, tmp_path: Path) -> None:

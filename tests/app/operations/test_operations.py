@@ -124,7 +124,8 @@ def test_what_was_approved_is_done_and_nothing_else(filled: Web, ground: Path, w
 def test_a_raster_is_imported_and_removed(web: Web, ground: Path, work: Work) -> None:
     for kind in ("import-roads", "import-dem"):
         name = {"import-roads": "town.osm", "import-dem": "town.tif"}[kind]
-        operation = ask(web, ground / name, kind=kind)
+        said = {"source": "Town <survey>", "licence": "CC0"} if kind == "import-dem" else {}
+        operation = ask(web, ground / name, kind=kind, **said)
         work(web)
         if kind == "import-roads":
             approve(web, operation)
@@ -133,7 +134,12 @@ def test_a_raster_is_imported_and_removed(web: Web, ground: Path, work: Work) ->
     assert (done["status"], done["plan"]) == ("done", None)
     assert done["result"]["rasters"] == 1
     (raster,) = web.client.get("/v1/rasters").json()["rasters"]
-    assert raster["name"] == "town.tif"
+    assert [raster[name] for name in ("name", "source", "licence")] == ["town.tif", "Town <survey>", "CC0"]
+    tiles = web.client.get("/tiles.json").json()
+    assert tiles["attribution"].endswith("elevation from Town &lt;survey&gt; (CC0)")
+    assert tiles["versant:elevation"] == [
+        {"credit": "Town <survey> (CC0)", "boxes": [pytest.approx(raster["bbox"], abs=1e-4)]}
+    ]
     removal = ask(web, kind="remove-raster", name="TOWN.tif")
     work(web)
     plan = seen(web, removal)["plan"]

@@ -300,3 +300,27 @@ def test_files_go_when_no_set_has_named_them_for_long(sessions: Sessions, dem_di
     assert [path.is_file() for path in active.paths] == [True, False]
     assert not active.paths[1].parent.exists()
     assert files.sweep_rasters(sessions, dem_dir, none) == []
+
+
+@pytest.mark.usefixtures("two")
+def test_what_is_said_of_a_raster_s_source_credits_it(
+    sessions: Sessions, tmp_path: Path, dem_dir: Path
+) -> None:
+    def stored(name: str) -> list[DemSource]:
+        return files.store_files([tmp_path / name], dem_dir)
+
+    said = {"source": "Survey of Nowhere", "licence": "CC BY 4.0"}
+    first = imports.add_dem(sessions, stored("wide.tif"), dem_dir, **said)
+    named = {source.name: source.credit for source in first.sources}
+    assert named == {"wide.tif": "Survey of Nowhere (CC BY 4.0)", "east.tif": "east.tif"}
+    with sessions() as session:
+        assert pending_heights(session) is None
+        assert current_dem(session, dem_dir) == first
+        assert set(coverage.rasters_over(session, first)) == {"wide.tif", "east.tif"}
+    assert coverage.names_over(first, [(8.5, 49.0, 8.501, 49.0)]) == ("Survey of Nowhere (CC BY 4.0)",)
+    # The same once more, and one of other heights in its place, keep what was said.
+    again = imports.add_dem(sessions, stored("wide.tif"), dem_dir)
+    assert again.version_id == first.version_id
+    plane(tmp_path / "wide.tif", 8.49, 8.52, 2.0)
+    other = imports.add_dem(sessions, stored("wide.tif"), dem_dir, licence="ODbL")
+    assert {source.credit for source in other.sources} == {"Survey of Nowhere (ODbL)", "east.tif"}

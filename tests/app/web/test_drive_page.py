@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
+from sqlalchemy import text
 
 from app.core import databases
 from app.core.settings import Settings
@@ -250,15 +251,20 @@ def test_files_are_to_be_had_without_the_ends_of_the_trip(drives: Drives, tab: T
 def test_one_that_failed_says_why_and_is_tried_again(drives: Drives, tab: Tab) -> None:
     page = tab.page
     page.goto(drives.address("far.csv"))
+    expect(page.get_by_role("heading", name="Waits for roads")).to_be_visible()
+    expect(page.get_by_text("latitude and longitude may be swapped")).to_be_visible()
+    with drives.web.sessions.begin() as session:  # as on roads that are there
+        session.execute(text("UPDATE drives SET stage = 'match' WHERE filename = 'far.csv'"))
+    page.goto(drives.address("far.csv"))
     expect(page.get_by_role("heading", name="could not be processed")).to_be_visible()
-    expect(page.get_by_text("no position in it comes near a known road")).to_be_visible()
+    expect(page.get_by_text("No roads are imported where it was driven")).to_be_visible()
     page.get_by_role("button", name="Process it again").click()
     expect(page.get_by_role("heading", name="Waiting for a worker")).to_be_visible()
     # The page follows the run by itself.
     drive = drives.web.client.get(f"/v1/drives/{drives.ids['far.csv']}").json()
     assert drive["status"] == "queued"
     process_again(drives, "far.csv")
-    expect(page.get_by_role("heading", name="could not be processed")).to_be_visible()
+    expect(page.get_by_role("heading", name="Waits for roads")).to_be_visible()
 
 
 def process_again(drives: Drives, name: str) -> None:

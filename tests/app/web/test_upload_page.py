@@ -15,7 +15,9 @@ from sqlalchemy import text
 
 from app.roads.imports import import_roads
 from browser_fixtures import Tab
+from fusion.roads.table import RoadTable
 from processing_support import HEADER, process_drive
+from region_support import bring
 from web_fixtures import Web
 
 MANY = 80
@@ -148,13 +150,19 @@ def test_what_is_refused_says_why_and_can_be_tried_again(web: Web, tab_maker: Ca
     row(tab, "holiday.jpg").wait_for(state="detached")
 
 
-def test_a_failure_is_told_and_computed_again(web: Web, tab: Tab, computing: None) -> None:
+def test_a_failure_is_told_and_computed_again(
+    web: Web, tab: Tab, computing: None, chain: Callable[..., RoadTable]
+) -> None:
+    bring(web.sessions, chain(3, lon=8.4027), "beside", dem_dir=web.context.dem_dir)
     opened(tab, web)
-    choose(tab, named("far.csv", LOG))
+    log = HEADER + b"".join(b"%d,%.5f,8.4\n" % (1_700_000_000 + k, 49 + k * 1e-4) for k in range(40))
+    choose(tab, named("far.csv", log))
     far = row(tab, "far.csv")
     far.get_by_text("Could not be computed").wait_for()
     [drive] = web.client.get("/v1/drives").json()["drives"]
-    assert far.get_by_text(drive["failure"]["reason"]).is_visible()
+    said, _, what_to_do = drive["failure"]["reason"].partition(". ")
+    assert far.get_by_text(said).is_visible()
+    assert "--columns" in what_to_do and "--columns" not in far.inner_text()
     far.get_by_role("button", name="Try far.csv again").click()
     for _ in range(100):
         with web.sessions() as session:

@@ -33,6 +33,8 @@ export interface Failure {
   latest_reason: string | null;
   latest_at: string | null;
   latest_drive: string | null;
+  /** Of these, drives that wait for roads: no failures to people. */
+  waiting?: number;
 }
 
 export interface DayOfDrives {
@@ -41,6 +43,8 @@ export interface DayOfDrives {
   drives: number;
   km: number;
   uploaded_bytes: number;
+  /** Of those that failed: how many wait for roads. */
+  waiting?: number;
 }
 
 export interface Times {
@@ -141,6 +145,9 @@ export interface Region {
 
 export interface Raster {
   name: string;
+  /** Whose data it is, and its licence; null: nobody said. */
+  source?: string | null;
+  licence?: string | null;
   priority: number;
   resolution_m?: number | null;
   resolution_deg?: number | null;
@@ -205,6 +212,7 @@ export interface Throughput {
   at: string;
   done: number;
   failed: number;
+  waiting?: number;
   km: number | null;
   waited_p50_s: number | null;
   computed_p50_s: number | null;

@@ -7,7 +7,7 @@ import { alignedByRoad, alignedByTime } from "./align";
 import type { Profile } from "./data";
 import { chosen, marked } from "./ride";
 import { combinedColumn, otherLine, sensorLines, stretchesOf } from "./series";
-import { kinds, link, other, segmentById, sensors } from "./state";
+import { hasResult, kinds, link, other, segmentById, sensors } from "./state";
 
 function useLines(profile: Profile): [Line[], Line[]] {
   const against = useComputed(() => {
@@ -17,19 +17,24 @@ function useLines(profile: Profile): [Line[], Line[]] {
     return { name: one.name, aligned: align(profile, one.profile) };
   }).value;
   const dots = sensors.value;
+  const graded = hasResult.value;
   const roads = segmentById.value;
   return useMemo(() => {
     const height: Line[] = [
       ...sensorLines(profile, dots, true),
+      ...(graded
+        ? [
+            {
+              label: t("drive.chart.model"),
+              values: profile.dem_height_m,
+              colour: "model" as const,
+              unit: "m",
+              dashed: true,
+            },
+          ]
+        : []),
       {
-        label: t("drive.chart.model"),
-        values: profile.dem_height_m,
-        colour: "model",
-        unit: "m",
-        dashed: true,
-      },
-      {
-        label: t("drive.chart.height"),
+        label: t(graded ? "drive.chart.height" : "drive.chart.log_height"),
         values: profile.alt_m,
         sigma: profile.alt_sigma_m,
         colour: "measured",
@@ -59,7 +64,7 @@ function useLines(profile: Profile): [Line[], Line[]] {
       grade.push(otherLine(profile, against.aligned, against.name, false));
     }
     return [height, grade];
-  }, [profile, dots, roads, against]);
+  }, [profile, dots, roads, against, graded]);
 }
 
 export function Charts({ profile }: { profile: Profile }) {
@@ -76,7 +81,9 @@ export function Charts({ profile }: { profile: Profile }) {
       <h2 id="charts">{t("drive.chart.title")}</h2>
       <p class="quiet-text">{t("drive.chart.how")}</p>
       <Chart {...shared} title={t("drive.chart.heights")} lines={height} unit="m" height={220} />
-      <Chart {...shared} title={t("drive.chart.grades")} lines={grade} unit="%" height={220} />
+      {hasResult.value && (
+        <Chart {...shared} title={t("drive.chart.grades")} lines={grade} unit="%" height={220} />
+      )}
     </section>
   );
 }

@@ -3,6 +3,7 @@ import { stageText } from "../shared/drives";
 import { duration } from "../shared/format";
 import { isNoLog, onPage } from "../shared/remarks";
 import { hasText, t } from "../shared/texts";
+import { WaitsForRoads } from "../shared/Waits";
 import { RetryButton } from "./Actions";
 import { addressOf, type Drive } from "./data";
 
@@ -28,6 +29,17 @@ export function Waiting({ drive }: { drive: Drive }) {
         <p class="quiet-text">{t("drive.status.left", { time: duration(drive.remaining_s) })}</p>
       )}
       <p class="quiet-text">{t(again ? "drive.status.old_shown" : "drive.status.live")}</p>
+    </section>
+  );
+}
+
+/** No roads are where it was driven: what would help. What the log says is shown below. */
+export function WaitsHere({ drive }: { drive: Drive }) {
+  return (
+    <section class="card drive-status" aria-labelledby="waits">
+      <h2 id="waits">{t("roads.waits")}</h2>
+      <WaitsForRoads drive={drive} />
+      <p class="quiet-text">{t("roads.elsewhere")}</p>
     </section>
   );
 }

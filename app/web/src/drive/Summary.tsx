@@ -57,6 +57,20 @@ export function Figures({ drive }: { drive: Drive }) {
   );
 }
 
+/** What the log alone says, of a drive that has no result yet. */
+export function LogFigures({ drive }: { drive: Drive }) {
+  const times = profile.value?.time_s ?? [];
+  return (
+    <dl class="figures">
+      <Figure name={t("drive.figure.driven")}>{moment(drive.drive_time)}</Figure>
+      <Figure name={t("drive.figure.length")}>
+        {distance(drive.distance_m)}, {duration((times.at(-1) ?? 0) - (times[0] ?? 0))}
+      </Figure>
+      <Figure name={t("drive.figure.uploaded")}>{moment(drive.created_at)}</Figure>
+    </dl>
+  );
+}
+
 /** What a person should know or do, as the service says it: what is to be done first. One line until it is opened. */
 export function Remarks({ drive }: { drive: Drive }) {
   const warnings = warningsOf(drive.report as Report | null);

@@ -31,6 +31,7 @@ import {
 } from "./state";
 
 const POLL_MS = 2000;
+const WAITS_MS = 3000;
 /** From this share of the axis on a closer look is worth all rows. */
 const CLOSE = 0.3;
 
@@ -142,7 +143,8 @@ function followDrive(): void {
     drive.value = now;
     if (!ENDED.has(now.status)) return;
     source.close();
-    if (now.status === "done") void again();
+    if (now.status === "done" || now.waits_for) void again();
+    if (now.waits_for) lookLater();
   });
   source.addEventListener("deleted", leave);
   source.addEventListener("error", () => {
@@ -162,6 +164,7 @@ async function again(): Promise<void> {
 /** Look at the drive, and follow it where it has not ended. */
 export async function look(): Promise<void> {
   if (removed.peek()) return;
+  const waited = drive.peek()?.waits_for ?? null;
   try {
     drive.value = await loadDrive(driveId);
     problem.value = null;
@@ -171,6 +174,16 @@ export async function look(): Promise<void> {
     return;
   }
   if (!ENDED.has(drive.value.status)) followDrive();
+  else if (drive.value.waits_for) lookLater();
+  else if (waited) await again();
+}
+
+let later = 0;
+
+/** What the drive waits for may be there, which nobody tells. */
+function lookLater(): void {
+  clearTimeout(later);
+  later = window.setTimeout(() => void look(), WAITS_MS);
 }
 
 let polling = false;
@@ -192,7 +205,7 @@ export async function open(): Promise<void> {
   await look();
   const now = drive.value;
   if (!now) return;
-  if (now.report !== null) await showResult().catch(tellError);
+  if (now.report !== null || now.waits_for) await showResult().catch(tellError);
   if (now.status === "done") await lookAtTrials();
 }
 

@@ -4,6 +4,7 @@ import { ApiProblem } from "../shared/api";
 import { errorText } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
 import { t } from "../shared/texts";
+import { waitsForRoads } from "../shared/Waits";
 import { Actions } from "./Actions";
 import { Charts } from "./Charts";
 import { Climbs, RideFigures } from "./Climbs";
@@ -11,9 +12,20 @@ import { Compare } from "./Compare";
 import type { Drive, Profile } from "./data";
 import { look, open } from "./load";
 import { Contradictions } from "./Segments";
-import { Failed, Nothing, Waiting } from "./Status";
-import { Downloads, Figures, Remarks, ReportCard } from "./Summary";
-import { drive, fullKinds, fullProfile, kinds, link, other, problem, profile, removed } from "./state";
+import { Failed, Nothing, Waiting, WaitsHere } from "./Status";
+import { Downloads, Figures, LogFigures, Remarks, ReportCard } from "./Summary";
+import {
+  drive,
+  fullKinds,
+  fullProfile,
+  hasResult,
+  kinds,
+  link,
+  other,
+  problem,
+  profile,
+  removed,
+} from "./state";
 import { TrackMap } from "./TrackMap";
 import { KINDS } from "./trackLayers";
 import "./drive.css";
@@ -32,34 +44,53 @@ function Track({ profile: thinned }: { profile: Profile }) {
         {t("drive.map.title")}
       </h2>
       {map}
-      <ul class="track-legend">
-        {KINDS.map((kind) => (
-          <li key={kind}>
-            <span class={`track-key ${kind}`} />
-            {t(`drive.map.${kind}`)}
-          </li>
-        ))}
-        {beside && (
-          <li>
-            <span class="track-key other" />
-            {other.value?.name}
-          </li>
-        )}
-      </ul>
+      {hasResult.value && (
+        <ul class="track-legend">
+          {KINDS.map((kind) => (
+            <li key={kind}>
+              <span class={`track-key ${kind}`} />
+              {t(`drive.map.${kind}`)}
+            </li>
+          ))}
+          {beside && (
+            <li>
+              <span class="track-key other" />
+              {other.value?.name}
+            </li>
+          )}
+        </ul>
+      )}
     </section>
   );
 }
 
 function Shown({ drive: now }: { drive: Drive }) {
   const rows = profile.value;
+  const waits = waitsForRoads(now);
   return (
     <>
       <p class="drive-back">
         <a href="/drives">{t("drive.to_list")}</a>
       </p>
       <h1 class="drive-name">{now.filename}</h1>
-      {now.status === "failed" && <Failed drive={now} />}
+      {waits && <WaitsHere drive={now} />}
+      {now.status === "failed" && !waits && <Failed drive={now} />}
       {(now.status === "queued" || now.status === "running") && <Waiting drive={now} />}
+      {now.report === null && rows && (
+        <>
+          <div class="drive-top">
+            <Track profile={rows} />
+            <div class="drive-side">
+              <section class="card" aria-labelledby="figures">
+                <h2 id="figures">{t("drive.figure.title")}</h2>
+                <LogFigures drive={now} />
+              </section>
+              <Downloads drive={now} />
+            </div>
+          </div>
+          <Charts profile={rows} />
+        </>
+      )}
       {now.report !== null && (
         <>
           <RideFigures />

@@ -3,7 +3,7 @@ import { computed, signal } from "@preact/signals";
 import { search } from "../shared/address";
 import { chartLink } from "../shared/chart/lines";
 import type { Drive, DriveSegment, Profile, Sensor, Trial } from "./data";
-import { kindsOf } from "./stretches";
+import { type Kind, kindsOf } from "./stretches";
 
 /** What is shown beside the drive: another one, or a trial of it. */
 export interface Other {
@@ -41,8 +41,15 @@ export const link = chartLink();
 export const rejected = computed(
   () => new Set(segments.value.filter((one) => one.properties.accepted === false).map((one) => one.id)),
 );
-export const kinds = computed(() => (profile.value ? kindsOf(profile.value, rejected.value) : []));
-export const fullKinds = computed(() =>
-  fullProfile.value ? kindsOf(fullProfile.value, rejected.value) : [],
-);
+/** Before there is one, the log by itself is shown: its way and its heights alone. */
+export const hasResult = computed(() => drive.value?.report != null);
+export const kinds = computed(() => kindsNow(profile.value));
+export const fullKinds = computed(() => kindsNow(fullProfile.value));
 export const segmentById = computed(() => new Map(segments.value.map((one) => [one.id, one])));
+
+function kindsNow(shown: Profile | null): Kind[] {
+  if (!shown) return [];
+  // Before there is a result nothing of it is off the roads.
+  if (!hasResult.value) return shown.segment_id.map(() => "matched");
+  return kindsOf(shown, rejected.value);
+}

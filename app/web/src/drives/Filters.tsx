@@ -30,6 +30,14 @@ const FAILURES = [
   "internal",
 ];
 const TYPING_MS = 250;
+/** Stands among the statuses: drives that failed for the service, and wait for people. */
+const ROADS = "roads";
+
+/** The address of the drives of a status; what waits for roads is no failure. */
+function addressOf(status: string): string {
+  if (status === ROADS) return addressWith({ status: null, failure: null, waits_for: "roads" });
+  return addressWith({ status, failure: null, waits_for: status === "failed" ? "nothing" : null });
+}
 
 /** The kind of a failure in words. */
 export function failureText(kind: string): string {
@@ -148,22 +156,21 @@ export function sortedBy(by: Sort, way: "asc" | "desc"): string {
 export function Filters() {
   const failure = query.value.get("failure") ?? "";
   const kinds = failure && !FAILURES.includes(failure) ? [failure, ...FAILURES] : FAILURES;
-  const status = query.value.get("status") ?? (failure ? "failed" : "");
+  const waits = query.value.get("waits_for") === "roads";
+  const status = waits ? ROADS : (query.value.get("status") ?? (failure ? "failed" : ""));
   return (
     <section class="filters" aria-label={t("drives.filters")}>
       <Search />
       <label>
         <span>{t("drives.status")}</span>
-        <select
-          value={status}
-          onChange={(event) => go(addressWith({ status: event.currentTarget.value, failure: null }))}
-        >
+        <select value={status} onChange={(event) => go(addressOf(event.currentTarget.value))}>
           <option value="">{t("drives.any")}</option>
           {STATUSES.map((one) => (
             <option key={one} value={one}>
               {t(`drives.is.${one}`)}
             </option>
           ))}
+          <option value={ROADS}>{t("roads.waits")}</option>
         </select>
       </label>
       {status === "failed" && (

@@ -3,6 +3,7 @@ import { type Drive, stageText, warningsOf } from "../shared/drives";
 import { distance, moment, number } from "../shared/format";
 import { onPage } from "../shared/remarks";
 import { t } from "../shared/texts";
+import { WaitsForRoads, waitsForRoads } from "../shared/Waits";
 import { failureText, sortedBy } from "./Filters";
 import { drives, go, loading, order, type Sort, selected, sort } from "./state";
 
@@ -48,6 +49,16 @@ function Status({ drive }: { drive: Drive }) {
           value={drive.progress}
           aria-label={t("drives.progress_of", { name: drive.filename })}
         />
+      </>
+    );
+  if (waitsForRoads(drive))
+    return (
+      <>
+        <span class="state roads">{t("roads.waits")}</span>
+        <details>
+          <summary aria-label={t("roads.what_named", { name: drive.filename })}>{t("roads.what")}</summary>
+          <WaitsForRoads drive={drive} />
+        </details>
       </>
     );
   if (drive.status === "failed" && drive.failure)

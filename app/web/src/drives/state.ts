@@ -5,13 +5,22 @@ import { goTo, search } from "../shared/address";
 import { getJson } from "../shared/api";
 import type { Drive } from "../shared/drives";
 import { Follower } from "../shared/following";
+import { waitsForRoads } from "../shared/Waits";
 
 type Listed = Omit<components["schemas"]["DriveList"], "drives"> & { drives: Drive[] };
 
 export const SORTS = ["created_at", "drive_time", "distance_m", "filename", "status"] as const;
 export type Sort = (typeof SORTS)[number];
 export const STATUSES = ["queued", "running", "done", "failed", "cancelled"] as const;
-export const FILTERS = ["q", "status", "failure", "created_after", "created_before", "batch"] as const;
+export const FILTERS = [
+  "q",
+  "status",
+  "failure",
+  "waits_for",
+  "created_after",
+  "created_before",
+  "batch",
+] as const;
 type Parameter = (typeof FILTERS)[number] | "sort" | "order" | "after" | "before";
 const KNOWN: readonly string[] = [...FILTERS, "sort", "order", "after", "before"];
 const PER_PAGE = "50";
@@ -99,11 +108,12 @@ const follower = new Follower<string>({
   driveOf: (id) => id,
   unfinished: () =>
     (drives.value ?? [])
-      .filter((one) => ["queued", "running"].includes(one.status))
+      .filter((one) => ["queued", "running"].includes(one.status) || waitsForRoads(one))
       .map((one) => one.id)
       .reverse(),
   onDrive: (id, drive) => change(id, drive),
   gone: (id) => change(id, null),
+  rests: (id) => (drives.value ?? []).some((one) => one.id === id && waitsForRoads(one)),
 });
 
 /** Begin: once, by the page. */

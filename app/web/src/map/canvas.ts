@@ -18,6 +18,7 @@ import { effect } from "@preact/signals";
 import { showPointed } from "../segment/pointed";
 import { getJson } from "../shared/api";
 import { config } from "../shared/config";
+import { creditInView } from "../shared/credit";
 import { tellError } from "../shared/Messages";
 import { ledToLogin } from "../shared/session";
 import { t } from "../shared/texts";
@@ -114,6 +115,7 @@ export function openMap(
   const inView = () =>
     tilesInView(map, kept?.leastZoom ?? LEAST_ZOOM[layer.value], kept?.mostZoom ?? MOST_ZOOM);
   const count = counter(map, inView, kept?.address ?? null);
+  if (kept === null) creditInView(map, SOURCE);
   if (kept === null) stayNew(map, freshness, inView, count.forget);
   moves(map);
   clicks(map, () => own.segmentsFrom);

@@ -5,7 +5,7 @@ import { Search } from "../segment/Search";
 import { goTo } from "../shared/address";
 import { tellError } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
-import { may } from "../shared/session";
+import { lacksRoads, RoadsAdvice, watchRoads } from "../shared/roads";
 import { t } from "../shared/texts";
 import { theme } from "../shared/theme";
 import { KeptNotice } from "./KeptMaps";
@@ -13,7 +13,7 @@ import { type Kept, searchOf } from "./keeping";
 import { Legend } from "./Legend";
 import { kept, legend, segmentsFrom, shownMap } from "./shown";
 import { colour, keepAddress, keptId, layer } from "./state";
-import { type OwnStyle, ownStyle } from "./style";
+import { freshStyle, type OwnStyle, ownStyle } from "./style";
 import { Tools } from "./tools/Tools";
 import "./map.css";
 
@@ -22,8 +22,12 @@ const first = ownStyle(theme.value, colour.value, layer.value);
 const library = import("./canvas");
 const keeping = keptId === null ? null : import("./kept");
 
-type Found = "waiting" | "roads" | "nothing";
+type Found = "waiting" | "roads" | "nothing" | "come";
 const content = signal<Found>("waiting");
+// Where there were none, the map opens by itself when there are.
+lacksRoads.subscribe((lacks) => {
+  if (!lacks && content.peek() === "nothing") content.value = "come";
+});
 
 /** The kept map that the address asks for; where it cannot be had that is told, and today's is shown. */
 async function asked(): Promise<Kept | null> {
@@ -37,13 +41,15 @@ async function asked(): Promise<Kept | null> {
   }
 }
 
-async function open(place: HTMLElement): Promise<void> {
-  const own: OwnStyle = await first;
+async function open(place: HTMLElement, style = first): Promise<void> {
+  const own: OwnStyle = await style;
   kept.value = await asked();
   legend.value = own.legend;
   segmentsFrom.value = own.segmentsFrom;
   if (!own.style.center && kept.value === null) {
     content.value = "nothing";
+    lacksRoads.value = true;
+    watchRoads();
     return;
   }
   content.value = "roads";
@@ -58,11 +64,7 @@ function Nothing() {
       <h1>{t("map.no_roads")}</h1>
       <p>{t("map.no_roads_do")}</p>
       <div class="buttons">
-        {may("operate") && (
-          <a class="button primary" href="/admin">
-            {t("map.import_roads")}
-          </a>
-        )}
+        <RoadsAdvice link="button primary" />
         <a class="button" href="/upload">
           {t("map.upload")}
         </a>
@@ -73,9 +75,12 @@ function Nothing() {
 
 function Content() {
   const place = useRef<HTMLDivElement>(null);
+  const found = content.value;
   useEffect(() => {
-    if (place.current) open(place.current).catch(tellError);
-  }, []);
+    if (!place.current || found === "roads") return;
+    const style = found === "come" ? freshStyle(theme.value, colour.value, layer.value) : first;
+    open(place.current, style).catch(tellError);
+  }, [found]);
   return (
     <Page name="map" filled>
       <div class="map-page">

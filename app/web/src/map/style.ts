@@ -48,6 +48,12 @@ export function ownStyle(theme: Theme, colour: Colour, layer: LayerName): Promis
   return pending;
 }
 
+/** The same, asked for anew: where the map is to be opened may have changed. */
+export function freshStyle(theme: Theme, colour: Colour, layer: LayerName): Promise<OwnStyle> {
+  styles.clear();
+  return ownStyle(theme, colour, layer);
+}
+
 /** Whether a road passes the sliders. */
 export function sliders(state: Pick<State, "mostSigma" | "leastDrives">): ExpressionSpecification[] {
   const conditions: ExpressionSpecification[] = [];

@@ -2,6 +2,7 @@
 import { type ComponentChildren, type ComponentType, render } from "preact";
 import { LoggedIn } from "./LoggedIn";
 import { Messages } from "./Messages";
+import { RoadsNotice, watchRoads } from "./roads";
 import { askSession, isNobody, may, session, toLogin } from "./session";
 import {
   chooseLanguage,
@@ -21,6 +22,9 @@ export type PageName = (typeof PAGES)[number] | "keys" | "login" | "owner";
 const OPERATORS: readonly PageName[] = ["admin"];
 /** Pages for everybody. */
 const OPEN: readonly PageName[] = ["docs", "login"];
+
+/** Pages that say so where there are no roads yet. The map says it in its own place. */
+const NEED_ROADS: readonly PageName[] = ["upload", "drives", "admin"];
 
 interface PageProps {
   name: PageName;
@@ -72,6 +76,7 @@ export function Page({ name, filled = false, children }: PageProps) {
           </button>
         </div>
       </header>
+      {NEED_ROADS.includes(name) && <RoadsNotice />}
       <main id="content" tabIndex={-1}>
         {children}
       </main>
@@ -107,6 +112,7 @@ export async function show(name: PageName, Content: ComponentType): Promise<void
   if (asksForKey(name)) return toLogin();
   document.title = `${t(`page.${name}` as TextKey)} – Versant`;
   const place = document.getElementById("page");
+  if (NEED_ROADS.includes(name)) watchRoads();
   const refused = OPERATORS.includes(name) && !may("operate");
   if (place) render(refused ? <ForOperators name={name} /> : <Content />, place);
 }

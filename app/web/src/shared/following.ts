@@ -14,10 +14,13 @@ interface Followed<T> {
   unfinished: () => T[];
   onDrive: (item: T, drive: Drive) => void;
   gone: (item: T) => void;
+  /** Those that nothing happens to until somebody does something: no stream is kept open for them. */
+  rests?: (item: T) => boolean;
 }
 
 const STREAMS = 2;
 const ASK_EVERY_MS = 1000;
+const ASK_RESTING_MS = 3000;
 const WITHOUT_STREAMS_MS = 30_000;
 
 /** Follows the items of one list. */
@@ -31,14 +34,19 @@ export class Follower<T> {
 
   /** Look whom to follow: to be called when the list has changed. */
   arrange(): void {
-    const wanted = this.list.unfinished();
+    const all = this.list.unfinished();
+    const wanted = all.filter((item) => !this.rests(item));
     for (const item of this.streams.keys()) if (!wanted.includes(item)) this.end(item);
     for (const item of wanted) {
       if (this.streams.size >= STREAMS || Date.now() < this.noStreamsUntil) break;
       if (!this.streams.has(item)) this.begin(item);
     }
-    if (wanted.length > 0 && this.timer === null)
-      this.timer = setTimeout(() => void this.ask(), ASK_EVERY_MS);
+    if (all.length > 0 && this.timer === null)
+      this.timer = setTimeout(() => void this.ask(), wanted.length > 0 ? ASK_EVERY_MS : ASK_RESTING_MS);
+  }
+
+  private rests(item: T): boolean {
+    return this.list.rests?.(item) ?? false;
   }
 
   private begin(item: T): void {
@@ -63,7 +71,12 @@ export class Follower<T> {
     const asked = this.list.unfinished().filter((item) => !this.streams.has(item));
     this.turn += 1;
     const item = asked[this.turn % Math.max(asked.length, 1)];
-    if (item !== undefined) await this.askFor(item);
+    if (item !== undefined) {
+      const rested = this.rests(item);
+      await this.askFor(item);
+      // What one waited for is there, as a rule for the others, too.
+      if (rested && !this.rests(item)) for (const one of asked) if (this.rests(one)) await this.askFor(one);
+    }
     this.timer = null;
     this.arrange();
   }

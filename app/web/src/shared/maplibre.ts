@@ -12,6 +12,7 @@ import workerUrl from "maplibre-gl/dist/maplibre-gl-worker.mjs?url";
 import "maplibre-gl/dist/maplibre-gl.css";
 import "./maplibre.css";
 import { getJson } from "./api";
+import { creditInView } from "./credit";
 import { ledToLogin } from "./session";
 import { type Theme, theme } from "./theme";
 
@@ -52,6 +53,7 @@ export async function makeMap({ change = (style) => style, ...options }: Wishes)
   });
   map.addControl(new NavigationControl({ visualizePitch: false, showCompass: false }), "top-right");
   map.addControl(new AttributionControl({ compact: true }), "bottom-right");
+  creditInView(map, "slopes");
   const end = effect(() => {
     const wanted = theme.value;
     if (wanted === shown) return;

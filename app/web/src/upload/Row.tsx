@@ -2,9 +2,11 @@
 import { confirmed } from "../shared/Confirm";
 import { mapOf, stageText, warningsOf } from "../shared/drives";
 import { distance, duration, size } from "../shared/format";
+import { onPage } from "../shared/remarks";
 import { t } from "../shared/texts";
+import { WaitsForRoads } from "../shared/Waits";
 import { Columns, mayLackColumns } from "./Columns";
-import { type Item, type Phase, remove, removeDrive, retry, takeApart } from "./queue";
+import { type Item, mayRetry, type Phase, remove, removeDrive, retry, takeApart } from "./queue";
 
 function words(item: Item): string {
   const phase: Phase = item.phase.value;
@@ -58,7 +60,7 @@ function Actions({ item }: { item: Item }) {
   const phase = item.phase.value;
   const drive = item.drive.value;
   const name = item.name;
-  const over = ["refused", "done", "failed", "cancelled"].includes(phase);
+  const over = ["refused", "done", "failed", "roads", "cancelled"].includes(phase);
   return (
     <div class="actions">
       {item.driveId && phase !== "cancelled" && (
@@ -71,7 +73,7 @@ function Actions({ item }: { item: Item }) {
           {t("upload.map")}
         </a>
       )}
-      {((phase === "refused" && !item.part) || phase === "failed") && (
+      {mayRetry(item) && (
         <button type="button" aria-label={t("upload.again_named", { name })} onClick={() => void retry(item)}>
           {t(phase === "failed" ? "upload.process_again" : "upload.again")}
         </button>
@@ -140,7 +142,7 @@ export function Row({ item }: { item: Item }) {
   const phase = item.phase.value;
   const drive = item.drive.value;
   const warnings = warningsOf(drive);
-  const reason = phase === "refused" ? item.problem.value?.message : drive?.failure?.reason;
+  const reason = (phase === "refused" ? item.problem.value?.message : drive?.failure?.reason) ?? "";
   return (
     <li class={`upload-row ${phase}`}>
       <div class="what">
@@ -155,7 +157,8 @@ export function Row({ item }: { item: Item }) {
           {item.known.value && <span class="quiet-text"> {t("upload.known")}</span>}
         </p>
         <Bar item={item} />
-        {(phase === "refused" || phase === "failed") && <p class="reason">{reason}</p>}
+        {(phase === "refused" || phase === "failed") && <p class="reason">{onPage(reason)}</p>}
+        {phase === "roads" && drive && <WaitsForRoads drive={drive} />}
         {phase === "done" && warnings.length > 0 && (
           <details>
             <summary class="warn-text">{t("upload.warnings", { n: warnings.length })}</summary>

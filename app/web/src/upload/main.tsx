@@ -25,7 +25,7 @@ function Told({ text }: { text: string }) {
 }
 
 function Overall() {
-  const { count, over, done, bad, bytes, sent, transferring } = overall.value;
+  const { count, over, done, bad, again, roads, bytes, sent, transferring } = overall.value;
   useEffect(() => {
     if (!transferring) return;
     const asks = (event: BeforeUnloadEvent) => event.preventDefault();
@@ -34,6 +34,7 @@ function Overall() {
   }, [transferring]);
   const counts = [
     t("upload.overall", { n: count, done }),
+    ...(roads > 0 ? [t("upload.overall_roads", { n: roads })] : []),
     ...(bad > 0 ? [t("upload.overall_bad", { n: bad })] : []),
   ].join(" ");
   return (
@@ -52,9 +53,9 @@ function Overall() {
       <Told text={counts} />
       {transferring && <progress max={bytes || 1} value={sent} aria-label={t("upload.overall_label")} />}
       <div class="tools">
-        {bad > 1 && (
+        {again > 1 && (
           <button type="button" onClick={() => void retryAll()}>
-            {t("upload.again_all", { n: bad })}
+            {t("upload.again_all", { n: again })}
           </button>
         )}
         {done > 0 && count > 1 && (

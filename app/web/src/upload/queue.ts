@@ -4,6 +4,8 @@ import { ApiProblem, api, got } from "../shared/api";
 import { type Drive, getDrive } from "../shared/drives";
 import { Follower } from "../shared/following";
 import { tellError } from "../shared/Messages";
+import { isNoLog } from "../shared/remarks";
+import { waitsForRoads } from "../shared/Waits";
 import {
   type Accepted,
   type LeftOut,
@@ -22,6 +24,8 @@ export type Phase =
   | "running"
   | "done"
   | "failed"
+  /** No roads are where it was driven; it is computed by itself when there are. */
+  | "roads"
   | "cancelled";
 
 const AT_ONCE = 2;
@@ -76,7 +80,7 @@ export class Item {
 }
 
 export const items = signal<Item[]>([]);
-const OVER: Phase[] = ["refused", "done", "failed", "cancelled"];
+const OVER: Phase[] = ["refused", "done", "failed", "roads", "cancelled"];
 /** A file in a zip that came to nothing: no drive to be. */
 const isLeftOut = (item: Item) => item.part !== "" && item.phase.value === "refused";
 const isOver = (item: Item) => OVER.includes(item.phase.value);
@@ -86,6 +90,9 @@ export interface Overall {
   over: number;
   done: number;
   bad: number;
+  /** Of these, how many may be tried again. */
+  again: number;
+  roads: number;
   bytes: number;
   sent: number;
   transferring: boolean;
@@ -100,6 +107,8 @@ export const overall = computed<Overall>(() => {
     over: all.filter(isOver).length,
     done: of("done"),
     bad: of("refused", "failed"),
+    again: all.filter(mayRetry).length,
+    roads: of("roads"),
     bytes: all.reduce((sum, item) => sum + item.size, 0),
     sent: all.reduce((sum, item) => sum + Math.min(item.sent.value, item.size), 0),
     transferring: of("waiting", "sending") > 0,
@@ -108,8 +117,8 @@ export const overall = computed<Overall>(() => {
 
 const follower = new Follower<Item>({
   driveOf: (item) => item.driveId,
-  unfinished: () =>
-    items.value.filter((item) => item.phase.value === "queued" || item.phase.value === "running"),
+  unfinished: () => items.value.filter((item) => ["queued", "running", "roads"].includes(item.phase.value)),
+  rests: (item) => item.phase.value === "roads",
   onDrive: (item, drive) => tell(item, drive),
   gone: (item) => {
     item.phase.value = "cancelled";
@@ -118,7 +127,7 @@ const follower = new Follower<Item>({
 
 function tell(item: Item, drive: Drive): void {
   item.drive.value = drive;
-  item.phase.value = drive.status;
+  item.phase.value = waitsForRoads(drive) ? "roads" : drive.status;
 }
 
 /** Put drives into the queue; those that are in it already are left out. Returns how many there are now more. */
@@ -260,11 +269,15 @@ export async function retry(item: Item): Promise<void> {
   }
 }
 
+/** Whether it can come to something when it is tried again: no file becomes a log by that. */
+export function mayRetry(item: Item): boolean {
+  if (item.phase.value === "refused") return item.part === "";
+  return item.phase.value === "failed" && !(item.drive.value && isNoLog(item.drive.value));
+}
+
 /** The same for all of them, one after the other. */
 export async function retryAll(): Promise<void> {
-  for (const item of items.value)
-    if ((item.phase.value === "refused" && !isLeftOut(item)) || item.phase.value === "failed")
-      await retry(item);
+  for (const item of items.value) if (mayRetry(item)) await retry(item);
 }
 
 /** Remove the drive from the service. */

@@ -40,7 +40,13 @@ export function throughputSeries(rows: Throughput[], days: number, nowS = Date.n
     times,
     lines: [
       { label: t("admin.status.done"), values: times.map((at) => rowAt.get(at)?.done ?? 0) },
-      { label: t("admin.status.failed"), values: times.map((at) => rowAt.get(at)?.failed ?? 0) },
+      {
+        label: t("admin.status.failed"),
+        values: times.map((at) => (rowAt.get(at)?.failed ?? 0) - (rowAt.get(at)?.waiting ?? 0)),
+      },
+      ...(sorted.some((row) => row.waiting)
+        ? [{ label: t("roads.waits"), values: times.map((at) => rowAt.get(at)?.waiting ?? 0) }]
+        : []),
     ],
   };
 }

@@ -81,6 +81,11 @@ function Item({ row }: { row: Row }) {
           </a>
         )}
         {row.kind === "failed" && <FailedActs row={row} />}
+        {row.kind === "roads" && (
+          <a class="button" href="#import">
+            {t("admin.import.roads")}
+          </a>
+        )}
         {row.kind === "operation-planned" ? (
           <a class="button" href="#operations">
             {t("admin.attention.plan")}

@@ -10,7 +10,19 @@ import { Table } from "../parts/Table";
 import type { Failure } from "../types";
 
 function listOf(row: Failure): string {
-  return drivesPage({ status: "failed", failure: row.kind, created_after: firstMoment(days.value) });
+  return drivesPage({
+    status: "failed",
+    failure: row.kind,
+    created_after: firstMoment(days.value),
+    waits_for: row.waiting ? "nothing" : null,
+  });
+}
+
+/** Drives that wait for roads are told in a place of their own. */
+function withoutWaiting(row: Failure): Failure {
+  const waiting = row.waiting ?? 0;
+  const share = row.share === null ? null : (row.share * (row.drives - waiting)) / Math.max(row.drives, 1);
+  return { ...row, share, drives: row.drives - waiting };
 }
 
 export function Failures() {
@@ -42,46 +54,49 @@ export function Failures() {
   };
   return (
     <Loaded of={reading}>
-      {({ rows }) => (
-        <>
-          {rows.length > 0 && <p>{t("admin.failures.what", { n: days.value })}</p>}
-          {message && <p role="status">{message}</p>}
-          <Table
-            caption={t("admin.failures.caption")}
-            none={t("admin.failures.none")}
-            rows={rows}
-            csv={queryAddress("failures", { days: days.value, f: "csv" })}
-            columns={[
-              { title: t("admin.failures.kind"), cell: (row) => row.kind ?? "–" },
-              {
-                title: t("admin.failures.drives"),
-                number: true,
-                cell: (row) => <a href={listOf(row)}>{number(row.drives)}</a>,
-              },
-              { title: t("admin.failures.acts"), cell: acts },
-              {
-                title: t("admin.failures.share"),
-                number: true,
-                cell: (row) => (row.share === null ? "–" : `${number(100 * row.share, 1)} %`),
-              },
-              {
-                title: t("admin.failures.latest"),
-                cell: (row) => (
-                  <>
-                    {row.latest_drive ? (
-                      <a href={drivePage(row.latest_drive)}>{moment(row.latest_at)}</a>
-                    ) : (
-                      moment(row.latest_at)
-                    )}
-                    <br />
-                    <span class="reason">{row.latest_reason}</span>
-                  </>
-                ),
-              },
-            ]}
-          />
-        </>
-      )}
+      {({ rows: all }) => {
+        const rows = all.map(withoutWaiting).filter((row) => row.drives > 0);
+        return (
+          <>
+            {rows.length > 0 && <p>{t("admin.failures.what", { n: days.value })}</p>}
+            {message && <p role="status">{message}</p>}
+            <Table
+              caption={t("admin.failures.caption")}
+              none={t("admin.failures.none")}
+              rows={rows}
+              csv={queryAddress("failures", { days: days.value, f: "csv" })}
+              columns={[
+                { title: t("admin.failures.kind"), cell: (row) => row.kind ?? "–" },
+                {
+                  title: t("admin.failures.drives"),
+                  number: true,
+                  cell: (row) => <a href={listOf(row)}>{number(row.drives)}</a>,
+                },
+                { title: t("admin.failures.acts"), cell: acts },
+                {
+                  title: t("admin.failures.share"),
+                  number: true,
+                  cell: (row) => (row.share === null ? "–" : `${number(100 * row.share, 1)} %`),
+                },
+                {
+                  title: t("admin.failures.latest"),
+                  cell: (row) => (
+                    <>
+                      {row.latest_drive ? (
+                        <a href={drivePage(row.latest_drive)}>{moment(row.latest_at)}</a>
+                      ) : (
+                        moment(row.latest_at)
+                      )}
+                      <br />
+                      <span class="reason">{row.latest_reason}</span>
+                    </>
+                  ),
+                },
+              ]}
+            />
+          </>
+        );
+      }}
     </Loaded>
   );
 }

@@ -25,7 +25,10 @@ export function ImportFile({ kind }: { kind: "import-roads" | "import-dem" }) {
     ending.current = new AbortController();
     setShare(0);
     try {
-      const values = roads ? { kind, region: named } : { kind, priority: named };
+      const said = (name: string) => String(entries.get(name) ?? "").trim();
+      const values = roads
+        ? { kind, region: named }
+        : { kind, priority: named, source: said("source"), licence: said("licence") };
       await send(withQuery(OPERATIONS, values), file, setShare, ending.current.signal);
       tellDone(t(roads ? "admin.import.roads_sent" : "admin.import.terrain_sent", { name: file.name }));
       form.current?.reset();
@@ -51,10 +54,25 @@ export function ImportFile({ kind }: { kind: "import-roads" | "import-dem" }) {
             <input type="text" name="named" maxLength={100} />
           </label>
         ) : (
-          <label>
-            {t("admin.import.priority")}
-            <input type="number" name="named" step={1} />
-          </label>
+          <>
+            <label>
+              {t("admin.import.priority")}
+              <input type="number" name="named" step={1} />
+            </label>
+            <label>
+              {t("admin.import.source")}
+              <input
+                type="text"
+                name="source"
+                maxLength={200}
+                placeholder={t("admin.import.source_example")}
+              />
+            </label>
+            <label>
+              {t("admin.import.licence")}
+              <input type="text" name="licence" maxLength={200} placeholder="CC BY 4.0" />
+            </label>
+          </>
         )}
         {share === null ? (
           <button type="submit" class="primary">

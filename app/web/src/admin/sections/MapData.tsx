@@ -20,6 +20,10 @@ function resolution(one: Raster): string {
   return one.resolution_deg ? `${number(one.resolution_deg * 3600, 1)}″` : "–";
 }
 
+function credit(one: Raster): string {
+  return [one.source, one.licence].filter(Boolean).join(", ") || "–";
+}
+
 function Regions() {
   const again = (one: Region) =>
     void reprocess({ which: "all", region: one.name }, t("admin.regions.whom", { name: one.name }));
@@ -80,6 +84,7 @@ function Rasters() {
             rows={rasters}
             columns={[
               { title: t("admin.rasters.name"), cell: (one) => <Place name={one.name} box={one.bbox} /> },
+              { title: t("admin.rasters.credit"), cell: credit },
               { title: t("admin.rasters.priority"), number: true, cell: (one) => number(one.priority) },
               { title: t("admin.rasters.resolution"), number: true, cell: resolution },
               {

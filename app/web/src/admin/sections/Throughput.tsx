@@ -50,6 +50,21 @@ function dayOf(day: string): { created_after: string; created_before: string } {
   return { created_after: `${day}T00:00:00Z`, created_before: `${next}T00:00:00Z` };
 }
 
+const WAITING = "roads";
+
+/** Drives that failed, and those among them that wait for roads, which are no failures to people. */
+function apart(row: DayOfDrives): DayOfDrives[] {
+  const waiting = row.waiting ?? 0;
+  const others = { ...row, drives: row.drives - waiting };
+  if (waiting === 0) return [row];
+  return [...(others.drives > 0 ? [others] : []), { ...row, status: WAITING, drives: waiting }];
+}
+
+function listed(row: DayOfDrives): { status?: string; waits_for?: string | null } {
+  if (row.status === WAITING) return { waits_for: "roads" };
+  return { status: row.status, waits_for: row.waiting ? "nothing" : null };
+}
+
 function ByDay() {
   return (
     <Loaded of={useQuery<DayOfDrives>("drives", 60, days.value)}>
@@ -57,7 +72,7 @@ function ByDay() {
         <Table
           caption={t("admin.throughput.by_day")}
           none={t("admin.throughput.none")}
-          rows={rows}
+          rows={rows.flatMap(apart)}
           csv={queryAddress("drives", { days: days.value, f: "csv" })}
           most={10}
           columns={[
@@ -67,7 +82,7 @@ function ByDay() {
               title: t("admin.throughput.count"),
               number: true,
               cell: (row) => (
-                <a href={drivesPage({ status: row.status, ...dayOf(row.day) })}>{number(row.drives)}</a>
+                <a href={drivesPage({ ...listed(row), ...dayOf(row.day) })}>{number(row.drives)}</a>
               ),
             },
             { title: t("admin.throughput.km"), number: true, cell: (row) => distance(row.km * 1000) },

@@ -1,0 +1,59 @@
+/** A map's credit names the elevation data that lies under what it shows, not all that the service has. */
+import type { Map as LibreMap, VectorTileSource } from "maplibre-gl";
+import { getJson } from "./api";
+
+/** Whose elevation data lies where: boxes of degrees, west, south, east, north. */
+interface Elevation {
+  credit: string;
+  boxes: [number, number, number, number][];
+}
+/** The control of the map's credit reads it there. */
+type Credited = VectorTileSource & { attribution?: string };
+interface Tiles {
+  attribution?: string;
+  "versant:elevation"?: Elevation[];
+}
+
+/** Credits of data under a box. */
+export function creditsIn(all: readonly Elevation[], box: readonly number[]): string[] {
+  const [west = 0, south = 0, east = 0, north = 0] = box;
+  return all
+    .filter(({ boxes }) => boxes.some(([w, s, e, n]) => w <= east && west <= e && s <= north && south <= n))
+    .map(({ credit }) => credit);
+}
+
+const escaped = (text: string) => text.replace(/[&<>"]/g, (one) => `&#${one.charCodeAt(0)};`);
+
+/** The service's own attribution with these credits in the place of all. */
+export function withCredits(attribution: string, credits: readonly string[]): string {
+  const [roads = "", elevation] = attribution.split(/(?<=<\/a>), elevation from /);
+  if (elevation === undefined || credits.length === 0) return roads;
+  return `${roads}, elevation from ${credits.map(escaped).join(", ")}`;
+}
+
+/** Let the credit of a source of the service's tiles follow what is in view. */
+export function creditInView(map: LibreMap, name: string): void {
+  let tiles: Tiles | null = null;
+  const tell = () => {
+    const source: Credited | undefined = map.getSource<VectorTileSource>(name);
+    const all = tiles?.["versant:elevation"] ?? [];
+    if (!source || !tiles?.attribution || all.length === 0) return;
+    const view = map.getBounds();
+    const box = [view.getWest(), view.getSouth(), view.getEast(), view.getNorth()];
+    const said = withCredits(tiles.attribution, creditsIn(all, box));
+    if (source.attribution === said) return;
+    source.attribution = said;
+    map.fire("sourcedata", { dataType: "source", sourceDataType: "metadata", source, sourceId: name });
+  };
+  map.once("idle", () => {
+    getJson<Tiles>("/tiles.json")
+      .then((document) => {
+        tiles = document;
+        tell();
+        map.on("moveend", tell);
+        // Another style brings the source anew.
+        map.on("sourcedata", (event) => event.sourceDataType === "metadata" && tell());
+      })
+      .catch(() => undefined); // the whole credit stays
+  });
+}
