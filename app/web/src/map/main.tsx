@@ -12,7 +12,7 @@ import { KeptNotice } from "./KeptMaps";
 import { type Kept, searchOf } from "./keeping";
 import { Legend } from "./Legend";
 import { kept, legend, segmentsFrom } from "./shown";
-import { colour, keepAddress, keptId, layer } from "./state";
+import { background, colour, keepAddress, keptId, layer } from "./state";
 import { type OwnStyle, ownStyle } from "./style";
 import "./map.css";
 
@@ -47,7 +47,7 @@ async function open(place: HTMLElement): Promise<void> {
   }
   content.value = "roads";
   const { backgroundStyle, openMap } = await library;
-  openMap(place, own, await backgroundStyle(), kept.value);
+  openMap(place, own, await backgroundStyle(background.value), kept.value);
   keepAddress();
 }
 

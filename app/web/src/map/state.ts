@@ -2,11 +2,12 @@
  * What the map shows, and its address, by the rule of `shared/address.ts`.
  *
  * `?at=14.2/49.41/8.69&colour=difference&layer=ways&classes=5,8,unknown&sigma=0.5&drives=2&segment=17`; what is as usual
- * is left out. Others lead here by `?segment=17`, `?way=3`, `?at=` or `?bbox=west,south,east,north`. `export=` names a kept
+ * is left out. `background=` names one of the backgrounds that the operator offers. Others lead here by `?segment=17`, `?way=3`, `?at=` or `?bbox=west,south,east,north`. `export=` names a kept
  * map that is shown in place of today's.
  */
 import { batch, effect, signal } from "@preact/signals";
 import { goTo, search as query } from "../shared/address";
+import { config } from "../shared/config";
 
 export type Colour = "steepness" | "elevation-model" | "difference" | "certainty";
 export const COLOURS: readonly Colour[] = ["steepness", "elevation-model", "difference", "certainty"];
@@ -38,6 +39,9 @@ export const mostSigma = signal<number | null>(null);
 /** The least number of drives that is shown. */
 export const leastDrives = signal(0);
 
+/** Of the backgrounds that may be chosen the name of one; null: the usual one. */
+export const background = signal<string | null>(null);
+
 /** The elevation model's slope is known of segments alone. */
 export const ofSegmentsOnly = (one: Colour) => one === "elevation-model" || one === "difference";
 
@@ -50,6 +54,7 @@ export interface State {
   classes: readonly Class[];
   mostSigma: number | null;
   leastDrives: number;
+  background: string | null;
 }
 
 function numbers(text: string | null, separator: string, count: number): number[] | null {
@@ -88,10 +93,11 @@ export function parsed(search: string): State {
       .filter((one): one is Class => one !== null),
     mostSigma: sigma > 0 && Number.isFinite(sigma) ? sigma : null,
     leastDrives: wholeNumber(asked.get("drives")) ?? 0,
+    background: Object.keys(config.backgrounds).find((one) => one === asked.get("background")) ?? null,
   };
 }
 
-const OWN = ["at", "bbox", "segment", "way", "colour", "layer", "classes", "sigma", "drives"];
+const OWN = ["at", "bbox", "segment", "way", "colour", "layer", "classes", "sigma", "drives", "background"];
 
 /** The address of a state; what others have in it stays. */
 export function address(state: State, search: string): string {
@@ -105,6 +111,7 @@ export function address(state: State, search: string): string {
   if (state.classes.length) query.set("classes", state.classes.join(","));
   if (state.mostSigma !== null) query.set("sigma", String(state.mostSigma));
   if (state.leastDrives) query.set("drives", String(state.leastDrives));
+  if (state.background) query.set("background", state.background);
   const text = query.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
   return text ? `?${text}` : "";
 }
@@ -128,6 +135,7 @@ function apply(state: State): void {
   classes.value = state.classes;
   mostSigma.value = state.mostSigma;
   leastDrives.value = state.leastDrives;
+  background.value = state.background;
 }
 
 /** The state as it is, but for where the map is. */
@@ -141,6 +149,7 @@ export function choices(): State {
     classes: classes.value,
     mostSigma: mostSigma.value,
     leastDrives: leastDrives.value,
+    background: background.value,
   };
 }
 
