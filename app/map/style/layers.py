@@ -104,10 +104,8 @@ def layers(theme: Theme, scale: ColourScale, shown: Shown, drawn: str = LAYER) -
     under, over = (_rims(theme, shown, known=one) for one in (False, True))
     roads = [under, *unknown, *cases, over, *known, _dashes(theme), *arrows, _figures(theme, shown)]
     slopes = [one | {"source-layer": drawn} for one in roads]
-    signs = next(k for k, one in enumerate(slopes) if one["type"] == "symbol")
-    # What is higher gets its place first: places, then figures and arrows, then the names of streets.
-    streets, places = labels(theme.names)
-    return [*grounds, waters(theme.names), *slopes[:signs], *streets, *slopes[signs:], places]
+    # What is higher gets its place first. Names are few; where figures stand before them, steep streets have none.
+    return [*grounds, waters(theme.names), *slopes, *labels(theme.names)]
 
 
 def _line(name: str, conditions: list[Expression], paint: dict[str, Any], **more: Any) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The map's labels beside figures: names of places, waters and streets, and numbers of roads, from tiles of their own.
 
-Slopes are what the map is for: names stand beside the roads, and give way to arrows and figures; places do not.
+Slopes are what the map is for: names stand beside the roads, on the other side than figures and clear of arrows.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def waters(colours: Names) -> dict[str, Any]:
     return _layer("water", "line", "water", {"line-cap": "round", "line-join": "round"}, paint, minzoom=9)
 
 
-def labels(colours: Names) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Names along lines, lowest first; and places, which go above everything."""
-    return [_water_names(colours), _street_names(colours), _numbers(colours)], _places(colours)
+def labels(colours: Names) -> list[dict[str, Any]]:
+    """Names along lines and of places, lowest first."""
+    return [_water_names(colours), _street_names(colours), _numbers(colours), _places(colours)]
 
 
 def _street_names(colours: Names) -> dict[str, Any]:
@@ -54,8 +54,9 @@ def _street_names(colours: Names) -> dict[str, Any]:
         "symbol-sort-key": ["get", "rank"],
         "text-field": ["get", "name"],
         "text-size": _by_zoom(13, 10, 16, 11.5, 19, 14),
-        # Beside the line, so that its colour is seen; figures stand on the other side.
-        "text-offset": _by_zoom(13, ["literal", [0, -0.8]], 19, ["literal", [0, -1.3]]),
+        "text-offset": _by_zoom(
+            13, ["literal", [0, -0.9]], 16, ["literal", [0, -1.3]], 19, ["literal", [0, -1.6]]
+        ),
         "text-padding": 3,
     }
     most: Expression = ["step", ["zoom"], 1, 14, 2, 15.5, 3]

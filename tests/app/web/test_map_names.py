@@ -85,6 +85,11 @@ def test_names_are_drawn_at_their_zooms_and_the_scale_is_seen(
     drawn(tab, street_names=["Große Straße", "Şirin Çeşme"])
     assert page.evaluate(SEEN) == SCALE
     assert tab.faults() == []
+    # As long as the credit of many rasters.
+    page.evaluate(
+        "document.querySelector('.maplibregl-ctrl-attrib-inner').append(', raster of heights'.repeat(9))"
+    )
+    assert page.evaluate(SEEN) == SCALE
     summary = page.locator(".legend summary")
     if page.locator(".legend").get_attribute("open") is None:
         summary.click()

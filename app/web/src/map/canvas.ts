@@ -101,8 +101,9 @@ export function openMap(
   window.versantMap = map;
   map.touchZoomRotate.disableRotation();
   map.keyboard.disableRotation();
+  // The first is the lowest: there nothing covers the scale, be the legend open or the credit long.
+  map.addControl(new ScaleControl({ maxWidth: 90 }), "bottom-right");
   map.addControl(new NavigationControl({ showCompass: false }), "bottom-right");
-  map.addControl(new ScaleControl({ maxWidth: 90 }), "bottom-left");
   map.addControl(new AttributionControl({ compact: true }), "bottom-right");
   map.on("error", ({ error }) => {
     if (error instanceof DOMException && error.name === "AbortError") return;

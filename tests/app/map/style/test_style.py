@@ -219,11 +219,11 @@ def test_colours_on_dark_ground_and_of_certainty_are_those_of_matplotlib() -> No
         assert [to_hex(c) for c in colormaps[name](np.linspace(low, high, len(colours)))] == list(colours)
 
 
-def test_places_go_above_figures_and_figures_above_names_of_streets() -> None:
+def test_places_go_above_names_of_streets_and_those_above_figures() -> None:
     order = [one["id"] for one in style_document(BASE, "light", "steepness")["layers"]]
     assert order[1] == "water"
     lines = max(k for k, one in enumerate(order) if one.startswith(("slope-", "unknown-")))
-    above = ["water-names", "street-names", "road-numbers", "uphill", "figures", "places"]
+    above = ["uphill", "figures", "water-names", "street-names", "road-numbers", "places"]
     assert [one for one in order[lines:] if one in above] == above
 
 
