@@ -60,6 +60,7 @@ from app.map.items import landing
 from app.map.items import routes as items
 from app.map.items.routes import tell_limits
 from app.map.style import routes as style
+from app.map.tiles import names
 from app.map.tiles import routes as tiles
 from app.map.tiles.front import TileFront
 from app.map.tiles.servers import MapTiles
@@ -93,6 +94,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     collections.router,
     items.router,
     tiles.router,
+    names.router,
     heights.router,
     tiles.ogc_router,
     exports.router,

@@ -81,6 +81,7 @@ SQL_PLACES = {
         "releases/serving.py",
         "releases/store.py",
         "roads/copy.py",
+        "roads/names.py",
         "roads/retired.py",
         "roads/changing.py",
         "roads/comparing.py",

@@ -84,6 +84,8 @@ _TABLE = {
         GET /collections/{collection}/tiles/WebMercatorQuad/{tileMatrix}/{tileRow}/{tileCol}
         GET /collections/{collection}/tiles/WebMercatorQuad/{tileMatrix}/{tileRow}/{tileCol}.mvt
         GET /collections/{collection}/tiles/WebMercatorQuad/{tileMatrix}/{tileRow}/{tileCol}.pbf
+        GET /names.json
+        GET /names/{z}/{x}/{y}.mvt
         GET /tiles
         GET /tiles.json
         GET /tiles/WebMercatorQuad

@@ -38,8 +38,8 @@ SEARCHES = "searches"
 PARTS = "parts"
 
 _KINDS = {
-    "wide tiles": r"/tiles/(\d|1[01])/.*",
-    "tiles": r"/tiles/\d+/.*",
+    "wide tiles": r"/(tiles|names)/(\d|1[01])/.*",
+    "tiles": r"/(tiles|names)/\d+/.*",
     PARTS: r"/v1/drives/[^/]+/(track|segments)|/v1/segments/[^/]+/observations|/height|/v1/elevation|/v1/regions",
     "figures": r"/v1/admin/.*|/metrics",
 }

@@ -55,6 +55,7 @@ PUBLISHED = (
     "/conformance",
     "/glyphs",
     "/height",
+    "/names",
     "/openapi.json",
     "/problems",
     "/sprites",

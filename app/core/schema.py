@@ -83,8 +83,9 @@ _GIVE_EDITION = (
     "GRANT SELECT ON ALL TABLES IN SCHEMA {edition} TO {api}, {public}",
     "GRANT INSERT, UPDATE ON {edition}.change_epoch, {edition}.segment_changes, {edition}.cells TO {api}, {public}",
 )
-_OF_ROADS = ("segments", "road_versions", "dem_versions", "regions", "editions")
+_OF_ROADS = ("segments", "road_versions", "dem_versions", "regions", "editions", "map_names")
 """Of the live tables those that the public may read: what nobody drove."""
+_THERE = "SELECT string_agg(name, ', ') FROM unnest(%s::text[]) AS name WHERE to_regclass(name) IS NOT NULL"
 _GIVE_ROADS = "GRANT SELECT ON {tables} TO {public}"
 _HAS_EDITION = "SELECT to_regclass('editions') IS NOT NULL"
 # Whoever may call them is answered what is his own alone; the others may not even call.
@@ -148,12 +149,8 @@ def give_rights(url: str) -> None:
         if (connection.execute(_HAS_OWNERS).fetchone() or (False,))[0]:
             connection.execute(_GIVE.format(role=API_ROLE))
         if (connection.execute(_HAS_EDITION).fetchone() or (False,))[0]:
-            names = {
-                "edition": EDITION,
-                "api": API_ROLE,
-                "public": PUBLIC_ROLE,
-                "tables": ", ".join(_OF_ROADS),
-            }
+            (tables,) = connection.execute(_THERE, (list(_OF_ROADS),)).fetchone() or ("",)
+            names = {"edition": EDITION, "api": API_ROLE, "public": PUBLIC_ROLE, "tables": tables}
             for statement in (*_GIVE_EDITION, _GIVE_ROADS):
                 connection.execute(statement.format(**names))
         if (connection.execute(_HAS_PLACES).fetchone() or (False,))[0]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,10 +31,12 @@ from app.roads.changing import touch
 from app.roads.comparing import NOBODY, count_again, count_lost, losses, passes_on, plan_import, waiting_for
 from app.roads.copy import copy_roads, forget_roads
 from app.roads.documents import USUAL, ImportCounts, Source, Wishes, refuse
+from app.roads.names import bring_names
 from app.terrain.heights import terrain_under
 from app.terrain.store import current_dem, dem_version_id
 from fusion.errors import RoadsError
 from fusion.roads.changes import Change
+from fusion.roads.names import MapNames
 from fusion.roads.osm import read_roads
 from fusion.roads.osm_changes import is_change_file
 from fusion.roads.table import RoadTable
@@ -85,15 +87,16 @@ def _bring_file(
     progress: Progress,
 ) -> ImportCounts:
     """``bring_in`` of a file of roads, made perhaps of the file that was given, and kept for changes to come."""
-    table = read_roads(roads, progress)
+    names = MapNames()
+    table = read_roads(roads, progress, names=names)
     source = replace(source, sha256=mirror.sha256_of(given))
     if wishes.dry_run:
-        return bring_in(sessions, table, source, dem_dir, wishes, progress)
+        return bring_in(sessions, table, source, dem_dir, wishes, progress, names)
     progress("keeping the file", 0.0)
     uri, sha256 = region_files.keep_file(dem_dir, roads, source.region)
     try:
         source = replace(source, file_uri=uri, file_sha256=sha256)
-        return bring_in(sessions, table, source, dem_dir, wishes, progress)
+        return bring_in(sessions, table, source, dem_dir, wishes, progress, names)
     except BaseException:
         with sessions() as session:
             known = store.find_region(session, source.region)
@@ -126,13 +129,18 @@ def bring_in(
     dem_dir: FilePlace,
     wishes: Wishes,
     progress: Progress = no_progress,
+    names: MapNames | None = None,
 ) -> ImportCounts:
-    """Make ``table`` the roads of a region (an empty one removes it), beside drives and solvers; one at a time."""
+    """Make ``table`` the roads of a region (an empty one removes it), beside drives and solvers; one at a time.
+
+    ``names`` become those of the region; without any it has none.
+    """
     with import_claim(sessions) as claim:
         claim.wait(lambda: progress("waiting for another import", 0.0))
         transaction = partial(_transaction, sessions, claim)
         try:
-            counts = _do_alone(Import(table, source, wishes, progress, transaction), dem_dir)
+            work = Import(table, source, wishes, progress, transaction, names=names or MapNames())
+            counts = _do_alone(work, dem_dir)
         finally:
             # Where that fails the next import does it.
             with suppress(ClaimLostError, SQLAlchemyError), transaction() as session:
@@ -190,6 +198,7 @@ class Import:
     former_uri: str | None = None
     """The file that was kept of the region before"""
     run: steps.Run | None = None
+    names: MapNames = field(default_factory=MapNames)
 
     def plan(self, dem_dir: FilePlace) -> ImportCounts:
         """Copy the roads with the heights of now, compare, and say what would be done."""
@@ -238,6 +247,8 @@ class Import:
         self.run = run = self.run or self._begin()
         run.dem_version = self.dem_version
         steps.carry_out(run, self._plan, self._passes)
+        with self.transaction() as session:
+            bring_names(session, run.region, self.names)
         with self.transaction() as session:
             self._end(session, run, counts)
         return replace(counts, longest_hold_s=round(run.longest_hold_s, 4))

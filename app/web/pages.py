@@ -60,8 +60,9 @@ def file_of(content: bytes, name: str) -> File:
 
 
 def policy(settings: Settings) -> str:
-    """The pages' content security policy; a background map's host may be asked for its style, tiles and letters."""
-    beyond = _origin(settings.map_background_url)
+    """The pages' content security policy; hosts of background maps may be asked for style, tiles and letters."""
+    addresses = (settings.map_background_url, *settings.backgrounds.values())
+    beyond = "".join(dict.fromkeys(map(_origin, addresses)))
     return "; ".join(
         (
             "default-src 'none'",
@@ -106,6 +107,7 @@ def page_answer(
     settings_shown = {
         "version": code_version(),
         "background_style_url": settings.map_background_url,
+        "backgrounds": settings.backgrounds,
         "login_url": settings.login_url,
     }
     headers = {

@@ -15,6 +15,7 @@ import osmium
 from numpy.typing import NDArray
 
 from fusion.errors import RoadsError
+from fusion.roads.names import PLACES, WATER_TAGS, MapNames
 from fusion.roads.table import DTYPE_OF, RoadTable
 from fusion.types import Progress, no_progress
 
@@ -152,12 +153,13 @@ class _Ways:
             self.tags[name].append(value)
 
 
-def read_roads(path: Path, progress: Progress = no_progress) -> RoadTable:
+def read_roads(path: Path, progress: Progress = no_progress, *, names: MapNames | None = None) -> RoadTable:
     """Read the drivable ways of an OSM file (XML, gzipped XML or PBF, recognised by content) as segments.
 
-    Node pairs with an end that the extract lacks, and pairs without length, are left out and counted in
-    ``RoadTable.skipped``. Nodes may come after the ways. Raises ``RoadsError`` when the file is missing, is
-    no OSM file, is damaged, or holds no drivable way with the positions of its nodes.
+    ``names`` takes the names of the map from the same file, where they are wanted. Node pairs with an end that
+    the extract lacks, and pairs without length, are left out and counted in ``RoadTable.skipped``. Nodes may come
+    after the ways. Raises ``RoadsError`` when the file is missing, is no OSM file, is damaged, or holds no drivable
+    way with the positions of its nodes.
     """
     path = Path(path)
     source = osmium.io.File(str(path.absolute()), bounded_format(path, progress))
@@ -166,9 +168,9 @@ def read_roads(path: Path, progress: Progress = no_progress) -> RoadTable:
         locations = osmium.NodeLocationsForWays(osmium.index.create_map("flex_mem"))
         locations.ignore_errors()
         with osmium.io.Reader(source, osmium.osm.NODE) as reader:
-            osmium.apply(reader, locations)
+            osmium.apply(reader, locations, *(() if names is None else (place_filter(), names)))
         progress("reading ways", 0.3)
-        ways = _collect(source, locations, progress)
+        ways = _collect(source, locations, progress, names)
     except BROKEN as error:
         raise RoadsError(f"{path.name} is damaged: {error}. Download or export it again.") from error
     progress("building segments", 0.9)
@@ -225,13 +227,22 @@ def bounded_format(path: Path, progress: Progress = no_progress) -> str:
     return kind
 
 
-def _collect(source: Any, locations: Any, progress: Progress) -> _Ways:
-    drivable = osmium.filter.TagFilter(*(("highway", value) for value in sorted(DRIVABLE)))
+def place_filter() -> Any:
+    """Of nodes, lets those pass alone that a map may name."""
+    return osmium.filter.TagFilter(*(("place", kind) for kind in PLACES)).enable_for(osmium.osm.NODE)
+
+
+def _collect(source: Any, locations: Any, progress: Progress, names: MapNames | None) -> _Ways:
+    tags = [("highway", value) for value in sorted(DRIVABLE)]
+    wanted = osmium.filter.TagFilter(*tags, *(() if names is None else WATER_TAGS))
     ways = _Ways()
-    processor = osmium.FileProcessor(source, osmium.osm.WAY).with_filter(drivable).with_filter(locations)
+    processor = osmium.FileProcessor(source, osmium.osm.WAY).with_filter(wanted).with_filter(locations)
     for count, way in enumerate(processor):
         if isinstance(way, osmium.osm.Way) and not way.deleted:
-            ways.add(way)
+            if names is not None:
+                names.way(way)
+            if names is None or way.tags.get("highway") in DRIVABLE:
+                ways.add(way)
         if count % _WAYS_PER_REPORT == 0:
             # osmium does not say how far it has read: approach the end without reaching it.
             progress("reading ways", 0.3 + 0.6 * count / (count + 100_000))

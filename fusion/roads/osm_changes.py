@@ -1,6 +1,7 @@
 """Files of changes (osmChange): applied to the roads of a file that was kept for that.
 
-What is kept is every way with a ``highway``, drivable or not, and its nodes: a path that becomes a road has them.
+What is kept is every way with a ``highway``, drivable or not, and its nodes: a path that becomes a road has them; and
+what has a name that a map shows (``names``).
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from typing import Any
 import osmium
 
 from fusion.errors import RoadsError
-from fusion.roads.osm import BROKEN, bounded_format
+from fusion.roads.names import WATERS
+from fusion.roads.osm import BROKEN, bounded_format, place_filter
 
 Box = tuple[float, float, float, float]
 """West, south, east, north, degrees."""
@@ -36,7 +38,8 @@ def is_change_file(path: Path) -> bool:
 
 
 def keep_roads(source: Path, target: Path) -> None:
-    """Write the ways of an OSM file that have a ``highway``, and their nodes, to another (PBF), sorted.
+    """Write the ways of an OSM file that have a ``highway``, and their nodes, to another (PBF), sorted; so places and
+    waters that have a name.
 
     Raises ``RoadsError`` for a file that is none, or damaged.
     """
@@ -77,12 +80,20 @@ def _write_sorted(file: Any, target: Path, bounds_deg: Box | None, known: set[in
     """Write the ways that are meant, and their nodes; sorted whether or not the file is."""
     wanted = osmium.IdTracker()
     near = None if bounds_deg is None else _nodes_within(file, bounds_deg)
-    highways = osmium.FileProcessor(file, osmium.osm.WAY).with_filter(osmium.filter.KeyFilter("highway"))
-    for way in highways:
+    lines = osmium.FileProcessor(file, osmium.osm.WAY).with_filter(
+        osmium.filter.KeyFilter("highway", "waterway")
+    )
+    for way in lines:
+        if "highway" not in way.tags and not _is_named_water(way):
+            continue
         _require_number(way)
         if near is None or way.id in known or near.contains_any_references(way):
             wanted.add_way(way.id)
             wanted.add_references(way)
+    for node in osmium.FileProcessor(file, osmium.osm.NODE).with_filter(place_filter()):
+        _require_number(node)
+        if bounds_deg is None or _is_within(node, bounds_deg):
+            wanted.add_node(node.id)
     in_order, last = True, (0, -(2**63))
     part = target.with_name(f"unsorted-{target.name}")
     with osmium.SimpleWriter(str(part), overwrite=True) as writer:
@@ -109,15 +120,23 @@ def _require_number(thing: Any) -> None:
         )
 
 
+def _is_named_water(way: Any) -> bool:
+    return way.tags.get("waterway") in WATERS and "name" in way.tags
+
+
 def _nodes_within(file: Any, box: Box) -> Any:
-    west, south, east, north = box
     nodes = osmium.IdTracker()
     for node in osmium.FileProcessor(file, osmium.osm.NODE):
         _require_number(node)
-        place = getattr(node, "location")  # noqa: B009 - only nodes come, which the type does not say
-        if place.valid() and west <= place.lon <= east and south <= place.lat <= north:
+        if _is_within(node, box):
             nodes.add_node(node.id)
     return nodes
+
+
+def _is_within(node: Any, box: Box) -> bool:
+    west, south, east, north = box
+    at = node.location
+    return bool(at.valid() and west <= at.lon <= east and south <= at.lat <= north)
 
 
 def _damaged(path: Path, error: Exception) -> RoadsError:

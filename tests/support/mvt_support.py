@@ -88,7 +88,7 @@ def decoded(feature: bytes, keys: list[str], values: list[Any]) -> dict[str, Any
     found = dict(fields(feature))
     tags = packed(found[2])
     commands, path, x, y = packed(found[4]), [], 0, 0
-    assert found[3] == 2, "a line"
+    assert found[3] in (1, 2), "points or lines"
     at = 0
     while at < len(commands):
         count, at = commands[at] >> 3, at + 1

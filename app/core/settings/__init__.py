@@ -65,6 +65,16 @@ def _networks(text: str) -> str:
     return text
 
 
+def _backgrounds(text: str) -> str:
+    for one in listed(text):
+        name, _, address = one.partition("=")
+        if not name.strip() or not re.fullmatch(r"https?://[^/\s]+/\S*", address.strip()):
+            raise ValueError(
+                "each must be a name, =, and the address of a style, such as Plain=https://map.example/s.json"
+            )
+    return text
+
+
 LoginUrlText = Annotated[str, AfterValidator(_login_url)]
 Zoom = Annotated[int, Field(ge=0, le=24)]
 
@@ -145,6 +155,9 @@ class Settings(Access):
     map_background_url: HttpUrlText | None = None
     """A MapLibre style that the map page draws below the roads; its host, and no other, is then asked for it by
     browsers. None: the roads stand on a plain ground."""
+    map_backgrounds: Annotated[str, AfterValidator(_backgrounds)] | None = None
+    """Styles that people may choose there, separated by commas: Plain=https://map.example/style.json. The hosts are
+    asked by browsers whose users choose them. None: nothing is to be chosen."""
     login_url: LoginUrlText | None = None
     """Where pages send whoever is answered 401, with the address to come back to as return_to: a path of this service's
     own host or an address, of whatever stands in front of the service and checks who asks."""
@@ -252,6 +265,12 @@ class Settings(Access):
     def origins(self) -> tuple[str, ...]:
         """Those in ``cors_origins``."""
         return listed(self.cors_origins)
+
+    @property
+    def backgrounds(self) -> dict[str, str]:
+        """Name -> address of those in ``map_backgrounds``."""
+        each = (one.partition("=") for one in listed(self.map_backgrounds))
+        return {name.strip(): address.strip() for name, _, address in each}
 
     @property
     def proxies(self) -> tuple[Network, ...]:

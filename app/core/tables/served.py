@@ -16,6 +16,8 @@ from app.core.tables import SRID_DEGREES, SRID_TILES, Base, OneRow, Owned, Road,
 
 DRAWN_LEVELS = (12, 10, 8, 6)
 """Each is drawn at this zoom and at the one below."""
+FAR_ZOOM = 10
+"""The names that a map shows up to here have an index of their own."""
 
 
 class SegmentChange(Base):
@@ -101,6 +103,37 @@ class DrawnPiece(Base):
             f"ix_drawn_pieces_{level}", "geom_3857", postgresql_using="gist", **where(f"level = {level}")
         )
         for level in DRAWN_LEVELS
+    )
+
+
+class MapName(Base):
+    """A name that a map shows beside roads: of a place or a water, or the number of a road. Imports bring them."""
+
+    __tablename__ = "map_names"
+
+    layer: Mapped[str] = mapped_column(primary_key=True)
+    """``places``, ``water`` or ``roads``."""
+    osm_id: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
+    """Of a node where it is a place, else of a way."""
+    kind: Mapped[str]
+    """As OpenStreetMap has it: ``town``, ``river``, ``primary``."""
+    name: Mapped[str]
+    population: Mapped[int | None] = mapped_column(sa.BigInteger)
+    from_zoom: Mapped[int] = mapped_column(sa.SmallInteger)
+    """Tiles have it from this zoom on."""
+    regions: Mapped[list[int]] = mapped_column(ARRAY(sa.SmallInteger))
+    """The regions whose files have it."""
+    geom_3857: Mapped[WKBElement] = mapped_column(shape("GEOMETRY", SRID_TILES))
+
+    __table_args__ = (
+        sa.Index(None, "geom_3857", postgresql_using="gist"),
+        # Tiles that show much of the map read few of the names below them.
+        sa.Index(
+            "ix_map_names_far",
+            "geom_3857",
+            postgresql_using="gist",
+            **where(f"from_zoom <= {FAR_ZOOM}"),
+        ),
     )
 
 

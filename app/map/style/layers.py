@@ -14,12 +14,12 @@ from itertools import chain
 from typing import Any
 
 from app.map.picture import slope_map
+from app.map.style.names import LABEL_FONTS, Names, labels, waters
 from app.map.style.scale import SIGMA, ColourScale, Expression, Shown
 from app.map.style.signs import UPHILL
 
 SOURCE, LAYER = "slopes", "segments"
 """Name of the tiles in the style, and of their layer of segments; at low zooms it holds merged roads."""
-LABEL_FONTS = ["DejaVu Sans"]
 
 MAJOR = ("motorway", "motorway_link", "trunk", "trunk_link", "primary", "primary_link")
 MIDDLE = ("secondary", "secondary_link", "tertiary", "tertiary_link")
@@ -59,13 +59,26 @@ class Theme:
     rim: str
     arrow: str
     arrow_edge: str
+    names: Names
 
 
 LIGHT = Theme(
-    ground="#f7f6f2", unknown="#bfc4c8", ink="#20262b", rim="#5d666d", arrow="#ffffff", arrow_edge="#20262b"
+    ground="#f7f6f2",
+    unknown="#bfc4c8",
+    ink="#20262b",
+    rim="#5d666d",
+    arrow="#ffffff",
+    arrow_edge="#20262b",
+    names=Names(ground="#f7f6f2", place="#20262b", street="#454d54", water="#3b6d96", stream="#b5d0e4"),
 )
 DARK = Theme(
-    ground="#15191d", unknown="#4b555d", ink="#e8ecef", rim="#98a3ab", arrow="#0c0f11", arrow_edge="#f4f6f7"
+    ground="#15191d",
+    unknown="#4b555d",
+    ink="#e8ecef",
+    rim="#98a3ab",
+    arrow="#0c0f11",
+    arrow_edge="#f4f6f7",
+    names=Names(ground="#15191d", place="#e8ecef", street="#b4bdc4", water="#86b4da", stream="#27455e"),
 )
 
 RIM_PX = 1.5
@@ -90,7 +103,9 @@ def layers(theme: Theme, scale: ColourScale, shown: Shown, drawn: str = LAYER) -
     arrows = [] if shown.uphill is None else [_arrows(theme, shown, shown.uphill)]
     under, over = (_rims(theme, shown, known=one) for one in (False, True))
     roads = [under, *unknown, *cases, over, *known, _dashes(theme), *arrows, _figures(theme, shown)]
-    return [*grounds, *(one | {"source-layer": drawn} for one in roads)]
+    slopes = [one | {"source-layer": drawn} for one in roads]
+    # What is higher gets its place first. Names are few; where figures stand before them, steep streets have none.
+    return [*grounds, waters(theme.names), *slopes, *labels(theme.names)]
 
 
 def _line(name: str, conditions: list[Expression], paint: dict[str, Any], **more: Any) -> dict[str, Any]:

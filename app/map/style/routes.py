@@ -19,6 +19,7 @@ from app.core.standby.use import MapRoute
 from app.core.text import dumps
 from app.map.coverage import cached_crowd
 from app.map.style.layers import DARK, LIGHT, SOURCE, layers
+from app.map.style.names import NAMES
 from app.map.style.scale import COLOUR_NAMES, SHOWN, ColourScale, scale_of
 from app.map.style.signs import FILES, FONT_CREDIT, FONTS, SHEET, first_of_range, fonts_of, glyphs, sheet
 from app.map.tiles.store import SEGMENTS, WAYS
@@ -165,7 +166,10 @@ def style_document(base: str, theme: str, colour: str, layer: str = SEGMENTS) ->
         },
         "sprite": f"{base}/sprites/{SHEET}",
         "glyphs": f"{base}/glyphs/{{fontstack}}/{{range}}.pbf",
-        "sources": {SOURCE: {"type": "vector", "url": base + LAYERS[layer]}},
+        "sources": {
+            SOURCE: {"type": "vector", "url": base + LAYERS[layer]},
+            NAMES: {"type": "vector", "url": f"{base}/names.json"},
+        },
         "layers": layers(THEMES[theme], scale, shown, layer),
     }
 

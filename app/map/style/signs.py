@@ -30,6 +30,7 @@ from fusion.types import Floats
 
 CUTOFF = 0.25
 """Of the range of a pixel's values, what lies inside of an outline: 191 is on it, as renderers of maps expect."""
+ON_OUTLINE = 191
 _ROWS_AT_ONCE = 512
 
 
@@ -133,6 +134,9 @@ BORDER_PX = 3
 BASELINE_PX = 26
 """From the line that a renderer puts a letter's top against down to the baseline: renderers centre text as if it were
 17 px above, so that figures, which are 18 px high, stand in the middle of what they label."""
+_LEVELS = 4
+"""Steps of letters' pixels, an eighth of a pixel at 24 px to the em: nobody sees them, and a message packs to two
+thirds, which a map waits for before it shows its first name."""
 PER_RANGE = 256
 MOST_CHARACTER = 0x10FFFF
 MOST_KEPT = 500
@@ -213,6 +217,8 @@ def _glyph(file: str, character: int) -> bytes:
     picture = distance_field(
         contours, left - BORDER_PX, top + BORDER_PX, width + 2 * BORDER_PX, height + 2 * BORDER_PX
     )
+    coarse = ON_OUTLINE + _LEVELS * np.rint((picture.astype(int) - ON_OUTLINE) / _LEVELS)
+    picture = np.clip(coarse, 0, 255).astype(np.uint8)
     return _letter(character, picture.tobytes(), width, height, left, top - BASELINE_PX, advance)
 
 

@@ -170,7 +170,7 @@ async def answer(
     if etag is None:
         tile = await wait(tiles.made(at, is_admitted=is_admitted))
         etag = tile.etag
-    own = [(b"etag", etag.encode()), *_policy(tiles.settings)]
+    own = [(b"etag", etag.encode()), *policy(tiles.settings)]
     if if_none_match is not None and is_named(etag, if_none_match):
         return Answer(304, own, b"")
     if tile is None:
@@ -188,7 +188,7 @@ async def answer(
 
 
 @lru_cache(maxsize=2)
-def _policy(settings: Settings) -> Headers:
+def policy(settings: Settings) -> Headers:
     """What caches are told: to ask each time, or how long a tile is good."""
     caching = REVALIDATE
     if settings.tile_max_age_s:

@@ -26,6 +26,24 @@ def test_every_setting_has_a_default_and_a_sentence() -> None:
         assert field.description.endswith("."), name
 
 
+def test_backgrounds_have_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Settings().backgrounds == {}
+    given = "Plain = https://map.example/s.json?a=1, Nacht=http://[::1]:8080/style"
+    assert Settings(map_backgrounds=given).backgrounds == {
+        "Plain": "https://map.example/s.json?a=1",
+        "Nacht": "http://[::1]:8080/style",
+    }
+    for wrong in (
+        "https://map.example/s.json",
+        "=https://map.example/s",
+        "Plain=map.example",
+        "A=https://host",
+    ):
+        monkeypatch.setenv("VERSANT_MAP_BACKGROUNDS", wrong)
+        with pytest.raises(SettingsError, match="Plain=https"):
+            load_settings()
+
+
 def test_only_this_machine_is_served_by_default() -> None:
     assert Settings().host == "127.0.0.1"
 

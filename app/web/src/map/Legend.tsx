@@ -1,10 +1,12 @@
 /** The legend: what colours stand for, buttons that filter, sliders, and how much of what is in view is shown. */
 import { useState } from "preact/hooks";
+import { config } from "../shared/config";
 import { number } from "../shared/format";
 import { type TextKey, t } from "../shared/texts";
 import { KeptMaps } from "./KeptMaps";
 import { counts, kept, legend, segmentsFrom } from "./shown";
 import {
+  background,
   type Class,
   COLOURS,
   type Colour,
@@ -131,8 +133,35 @@ function Choices() {
           </label>
         ))}
       </fieldset>
+      <Backgrounds />
       <KeptMaps />
     </>
+  );
+}
+
+/** A choice where the operator offers one. */
+function Backgrounds() {
+  const names = Object.keys(config.backgrounds);
+  if (!names.length) return null;
+  return (
+    <label class="choice">
+      <span>{t("map.background")}</span>
+      <select
+        value={background.value ?? ""}
+        onChange={(event) => {
+          background.value = event.currentTarget.value || null;
+        }}
+      >
+        <option value="">
+          {t(config.background_style_url ? "map.background_usual" : "map.background_none")}
+        </option>
+        {names.map((one) => (
+          <option key={one} value={one}>
+            {one}
+          </option>
+        ))}
+      </select>
+    </label>
   );
 }
 

@@ -1,5 +1,6 @@
-/** A style of somebody else below the roads: the address is a setting (VERSANT_MAP_BACKGROUND_URL). */
+/** A style of somebody else below the roads: the addresses are settings (VERSANT_MAP_BACKGROUND_URL, _BACKGROUNDS). */
 import type { LayerSpecification, SpriteSpecification, StyleSpecification } from "maplibre-gl";
+import { NAMES } from "./style";
 
 const OWN_SIGNS = "versant";
 /** Sources and layers of the background begin with it. */
@@ -7,7 +8,8 @@ const BELOW = "background:";
 
 /**
  * Both in one. A style has letters from one place only: the background's, but for fonts that the service has
- * (`lettersOf`). Signs of the roads get a prefix.
+ * (`lettersOf`). Signs of the roads get a prefix. Where the background has letters the service's own names would be there
+ * twice, and are left out; pictures of a map have letters, too.
  */
 export function over(background: StyleSpecification, roads: StyleSpecification): StyleSpecification {
   const sources = Object.fromEntries(
@@ -21,7 +23,12 @@ export function over(background: StyleSpecification, roads: StyleSpecification):
         ...("source" in one && typeof one.source === "string" ? { source: BELOW + one.source } : {}),
       }) as LayerSpecification,
   );
-  const above = roads.layers.filter((one) => one.type !== "background").map(withOwnSign);
+  const lettered = background.layers.some(
+    (one) => one.type === "raster" || (one.type === "symbol" && one.layout?.["text-field"] !== undefined),
+  );
+  const above = roads.layers
+    .filter((one) => one.type !== "background" && !(lettered && one.source === NAMES))
+    .map(withOwnSign);
   return {
     ...roads,
     glyphs: background.glyphs ?? roads.glyphs ?? "",

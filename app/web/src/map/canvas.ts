@@ -34,6 +34,7 @@ import { nearest } from "./picking";
 import { counts, drawing, legend } from "./shown";
 import {
   type Box,
+  background,
   choices,
   colour,
   flyTo,
@@ -69,14 +70,15 @@ const still = matchMedia("(prefers-reduced-motion: reduce)");
 export function openMap(
   place: HTMLElement,
   first: OwnStyle,
-  background: StyleSpecification | null,
+  firstBackground: StyleSpecification | null,
   kept: Kept | null,
 ): MapLibre {
   const freshness = new Freshness();
   let own = first;
+  let below = firstBackground;
   const styleNow = () => {
     const roads = ofKept(drawn(own, choices(), theme.peek()), kept);
-    return marked(background ? over(background, roads) : roads, theme.peek());
+    return marked(below ? over(below, roads) : roads, theme.peek());
   };
   const map = new MapLibre({
     container: place,
@@ -101,15 +103,17 @@ export function openMap(
   window.versantMap = map;
   map.touchZoomRotate.disableRotation();
   map.keyboard.disableRotation();
-  map.addControl(new NavigationControl({ showCompass: false }), "bottom-right");
+  // The first is the lowest: there nothing covers the scale, be the legend open or the credit long.
   map.addControl(new ScaleControl({ maxWidth: 90 }), "bottom-right");
+  map.addControl(new NavigationControl({ showCompass: false }), "bottom-right");
   map.addControl(new AttributionControl({ compact: true }), "bottom-right");
   map.on("error", ({ error }) => {
     if (error instanceof DOMException && error.name === "AbortError") return;
     if (!ledToLogin(error)) tellError(error);
   });
-  followState(map, (style) => {
+  followState(map, (style, other) => {
     own = style;
+    below = other;
     return styleNow();
   });
   const inView = () =>
@@ -149,10 +153,13 @@ function firstView(place: HTMLElement, style: StyleSpecification, all: Box | nul
 }
 
 /** Draw what the state says, whenever it says otherwise. */
-function followState(map: MapLibre, styleOf: (own: OwnStyle) => StyleSpecification): void {
+function followState(
+  map: MapLibre,
+  styleOf: (own: OwnStyle, background: StyleSpecification | null) => StyleSpecification,
+): void {
   let turn = 0;
   let begun = false;
-  let tiles = layer.peek();
+  let sources = `${layer.peek()} ${background.peek()}`;
   effect(() => {
     const state = choices();
     const light = theme.value;
@@ -162,13 +169,14 @@ function followState(map: MapLibre, styleOf: (own: OwnStyle) => StyleSpecificati
       begun = true;
       return;
     }
-    ownStyle(light, state.colour, state.layer)
-      .then((own) => {
+    Promise.all([ownStyle(light, state.colour, state.layer), backgroundStyle(state.background)])
+      .then(([own, below]) => {
         if (mine !== turn) return;
         legend.value = own.legend;
+        const wanted = `${state.layer} ${state.background}`;
         // Other tiles are another source, which cannot be changed in place.
-        map.setStyle(styleOf(own), { diff: state.layer === tiles });
-        tiles = state.layer;
+        map.setStyle(styleOf(own, below), { diff: wanted === sources });
+        sources = wanted;
       })
       .catch(tellError);
   });
@@ -282,11 +290,16 @@ function counter(
   return { forget: (tiles) => anew.push(...tiles.map((tile) => tileUrl(layer.value, tile))) };
 }
 
-/** The background's style, where there is one; null: there is none, or it cannot be had, which is told. */
-export async function backgroundStyle(): Promise<StyleSpecification | null> {
-  if (!config.background_style_url) return null;
+const backgrounds = new Map<string, StyleSpecification>();
+
+/** The style of a background, or of the usual one; null: there is none, or it cannot be had, which is told. */
+export async function backgroundStyle(name: string | null): Promise<StyleSpecification | null> {
+  const address = name === null ? config.background_style_url : config.backgrounds[name];
+  if (!address) return null;
   try {
-    return await getJson<StyleSpecification>(config.background_style_url);
+    const style = backgrounds.get(address) ?? (await getJson<StyleSpecification>(address));
+    backgrounds.set(address, style);
+    return style;
   } catch (error) {
     tellError(error);
     return null;

@@ -12,7 +12,7 @@ import { KeptNotice } from "./KeptMaps";
 import { type Kept, searchOf } from "./keeping";
 import { Legend } from "./Legend";
 import { kept, legend, segmentsFrom, shownMap } from "./shown";
-import { colour, keepAddress, keptId, layer } from "./state";
+import { background, colour, keepAddress, keptId, layer } from "./state";
 import { freshStyle, type OwnStyle, ownStyle } from "./style";
 import { Tools } from "./tools/Tools";
 import "./map.css";
@@ -54,7 +54,7 @@ async function open(place: HTMLElement, style = first): Promise<void> {
   }
   content.value = "roads";
   const { backgroundStyle, openMap } = await library;
-  shownMap.value = openMap(place, own, await backgroundStyle(), kept.value);
+  shownMap.value = openMap(place, own, await backgroundStyle(background.value), kept.value);
   keepAddress();
 }
 

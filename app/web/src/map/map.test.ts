@@ -133,22 +133,30 @@ it("a background lies below, with letters and signs of its own", () => {
     layers: [
       { id: "ground", type: "background" as const },
       { id: "uphill", type: "symbol" as const, source: "slopes", layout: { "icon-image": "uphill" } },
+      { id: "places", type: "symbol" as const, source: "names", layout: { "text-field": "a" } },
     ],
   };
-  const both = over(
-    {
-      version: 8,
-      glyphs: "http://there/{fontstack}/{range}.pbf",
-      sprite: "http://there/sprite",
-      sources: { slopes: { type: "vector" } },
-      layers: [{ id: "ground", type: "fill", source: "slopes", "source-layer": "land" }],
-    },
-    roads,
-  );
-  expect(both.layers.map((one) => one.id)).toEqual(["background:ground", "uphill"]);
+  const land = { id: "ground", type: "fill" as const, source: "slopes", "source-layer": "land" };
+  const below = {
+    version: 8 as const,
+    glyphs: "http://there/{fontstack}/{range}.pbf",
+    sprite: "http://there/sprite",
+    sources: { slopes: { type: "vector" as const } },
+    layers: [land],
+  };
+  const both = over(below, roads);
+  expect(both.layers.map((one) => one.id)).toEqual(["background:ground", "uphill", "places"]);
   expect(both.layers[0]).toMatchObject({ source: "background:slopes" });
   expect(both.layers[1]).toMatchObject({ layout: { "icon-image": "versant:uphill" } });
   expect(Object.keys(both.sources)).toEqual(["background:slopes", "slopes"]);
+  // Its names would be there twice.
+  const towns = { id: "towns", type: "symbol" as const, source: "slopes", layout: { "text-field": "a" } };
+  for (const lettered of [towns, { id: "picture", type: "raster" as const, source: "slopes" }])
+    expect(over({ ...below, layers: [land, lettered] }, roads).layers.map((one) => one.id)).toEqual([
+      "background:ground",
+      `background:${lettered.id}`,
+      "uphill",
+    ]);
   const fonts = new Set(["DejaVu Sans"]);
   expect(lettersOf("http://there/DejaVu%20Sans/0-255.pbf", roads.glyphs, fonts)).toBe(
     "http://here/glyphs/DejaVu%20Sans/0-255.pbf",

@@ -2,11 +2,13 @@
  * What the map shows, and its address, by the rule of `shared/address.ts`.
  *
  * `?at=14.2/49.41/8.69&colour=difference&layer=ways&classes=5,8,unknown&sigma=0.5&drives=2&segment=17`; what is as usual
- * is left out. Others lead here by `?segment=17`, `?way=3`, `?at=` or `?bbox=west,south,east,north`. `export=` names a kept
- * map that is shown in place of today's, `tool=` what is open besides, `line=` the line whose profile that shows.
+ * is left out. `background=` names one of the backgrounds that the operator offers. Others lead here by `?segment=17`,
+ * `?way=3`, `?at=` or `?bbox=west,south,east,north`. `export=` names a kept map that is shown in place of today's, `tool=`
+ * what is open besides, `line=` the line whose profile that shows.
  */
 import { batch, effect, signal } from "@preact/signals";
 import { goTo, search as query } from "../shared/address";
+import { config } from "../shared/config";
 
 export type Colour = "steepness" | "elevation-model" | "difference" | "certainty";
 export const COLOURS: readonly Colour[] = ["steepness", "elevation-model", "difference", "certainty"];
@@ -45,6 +47,9 @@ export const mostSigma = signal<number | null>(null);
 /** The least number of drives that is shown. */
 export const leastDrives = signal(0);
 
+/** Of the backgrounds that may be chosen the name of one; null: the usual one. */
+export const background = signal<string | null>(null);
+
 /** The elevation model's slope is known of segments alone. */
 export const ofSegmentsOnly = (one: Colour) => one === "elevation-model" || one === "difference";
 
@@ -59,6 +64,7 @@ export interface State {
   leastDrives: number;
   tool: ToolName | null;
   line: string;
+  background: string | null;
 }
 
 function numbers(text: string | null, separator: string, count: number): number[] | null {
@@ -99,10 +105,24 @@ export function parsed(search: string): State {
     leastDrives: wholeNumber(asked.get("drives")) ?? 0,
     tool: TOOLS.find((one) => one === asked.get("tool")) ?? null,
     line: asked.get("tool") === "profile" ? (asked.get("line") ?? "") : "",
+    background: Object.keys(config.backgrounds).find((one) => one === asked.get("background")) ?? null,
   };
 }
 
-const OWN = ["at", "bbox", "segment", "way", "colour", "layer", "classes", "sigma", "drives", "tool", "line"];
+const OWN = [
+  "at",
+  "bbox",
+  "segment",
+  "way",
+  "colour",
+  "layer",
+  "classes",
+  "sigma",
+  "drives",
+  "tool",
+  "line",
+  "background",
+];
 
 /** The address of a state; what others have in it stays. */
 export function address(state: State, search: string): string {
@@ -118,6 +138,7 @@ export function address(state: State, search: string): string {
   if (state.leastDrives) query.set("drives", String(state.leastDrives));
   if (state.tool) query.set("tool", state.tool);
   if (state.tool === "profile" && state.line) query.set("line", state.line);
+  if (state.background) query.set("background", state.background);
   const text = query.toString().replaceAll("%2F", "/").replaceAll("%2C", ",");
   return text ? `?${text}` : "";
 }
@@ -143,6 +164,7 @@ function apply(state: State): void {
   leastDrives.value = state.leastDrives;
   tool.value = state.tool;
   line.value = state.line;
+  background.value = state.background;
 }
 
 /** The state as it is, but for where the map is. */
@@ -158,6 +180,7 @@ export function choices(): State {
     leastDrives: leastDrives.value,
     tool: tool.value,
     line: line.value,
+    background: background.value,
   };
 }
 

@@ -27,6 +27,8 @@ export interface OwnStyle {
 }
 
 export const SOURCE = "slopes";
+/** Of what has a name: waters below the roads, labels above them. */
+export const NAMES = "names";
 const styles = new Map<string, Promise<OwnStyle>>();
 
 /** The style of these choices; asked for once. */
@@ -117,9 +119,9 @@ export function drawn(own: OwnStyle, state: State, theme: Theme): StyleSpecifica
   const { legend } = own;
   const passing = [...inClasses(legend, state.classes), ...sliders(state)];
   const unknown = showsUnknown(state);
-  const [ground, ...roads] = own.style.layers;
-  const restyled = roads.map((one): LayerSpecification => {
-    if (!passing.length && unknown) return one;
+  const lowest = own.style.layers.findIndex((one) => "source" in one && one.source === SOURCE);
+  const restyled = own.style.layers.slice(lowest).map((one): LayerSpecification => {
+    if ((!passing.length && unknown) || ("source" in one && one.source === NAMES)) return one;
     const base = (one as { filter?: ExpressionSpecification }).filter ?? true;
     const known: unknown = ["all", ...passing];
     const passes = /^unknown-|-unknown$/.test(one.id)
@@ -136,7 +138,7 @@ export function drawn(own: OwnStyle, state: State, theme: Theme): StyleSpecifica
     "line-color": CHOSEN[theme],
     "line-width": HALO_PX,
   });
-  return { ...own.style, layers: [ground as LayerSpecification, ...others, halo, ...restyled] };
+  return { ...own.style, layers: [...own.style.layers.slice(0, lowest), ...others, halo, ...restyled] };
 }
 
 function isSelected(selected: Selection | null, layer: LayerName): FilterSpecification {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Iterator
 from io import BytesIO
@@ -141,6 +142,10 @@ def test_the_first_font_that_has_a_letter_draws_it() -> None:
     _, _, usual = read(glyphs(("DejaVu Sans",), 0))
     assert np.array_equal(both[ord("A")]["picture"], bold[ord("A")]["picture"])
     assert not np.array_equal(usual[ord("A")]["picture"], bold[ord("A")]["picture"])
+
+
+def test_letters_that_every_map_asks_for_are_light() -> None:
+    assert len(gzip.compress(glyphs(("DejaVu Sans",), 0), 6, mtime=0)) < 34_000
 
 
 def test_letters_are_served_and_kept(reading: Any) -> None:

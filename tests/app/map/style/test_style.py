@@ -19,6 +19,7 @@ from matplotlib.colors import to_hex
 
 from app.map.picture.slope_map import certain_signs, line_widths
 from app.map.style.layers import LAYER, ZOOMS
+from app.map.style.names import NAMES
 from app.map.style.routes import THEMES, first_view, style_document
 from app.map.style.scale import (
     COLOUR_NAMES,
@@ -28,6 +29,7 @@ from app.map.style.scale import (
     scale_of,
 )
 from app.map.style.signs import FONTS, sheet
+from app.map.tiles.names import LAYERS as NAME_LAYERS
 from problem_support import check
 from style_expressions import Feature, evaluate
 
@@ -91,14 +93,15 @@ def test_the_style_names_only_what_the_service_has(theme: str, colour: str) -> N
     ids = [layer["id"] for layer in style["layers"]]
     assert len(set(ids)) == len(ids)
     assert style["layers"][0]["type"] == "background"
-    (source,) = style["sources"]
+    assert set(style["sources"]) == {"slopes", NAMES}
     for layer in style["layers"][1:]:
-        assert (layer["source"], layer["source-layer"]) == (source, LAYER)
+        drawn = {"slopes": {LAYER}, NAMES: set(NAME_LAYERS)}[layer["source"]]
+        assert layer["source-layer"] in drawn
         assert 0 <= layer.get("minzoom", 0) <= 18
         assert set(layer.get("layout", {}).get("text-font", [])) <= set(FONTS)
         image = layer.get("layout", {}).get("icon-image")
         assert image is None or image in json.loads(sheet("versant.json")[0])
-    for address in (style["sprite"], style["glyphs"], style["sources"][source]["url"]):
+    for address in (style["sprite"], style["glyphs"], *(one["url"] for one in style["sources"].values())):
         assert address.startswith(f"{BASE}/")
     assert style["glyphs"].endswith("/{fontstack}/{range}.pbf")
     legend = style["metadata"]["versant:legend"]["classes"]
@@ -216,6 +219,14 @@ def test_colours_on_dark_ground_and_of_certainty_are_those_of_matplotlib() -> No
         assert [to_hex(c) for c in colormaps[name](np.linspace(low, high, len(colours)))] == list(colours)
 
 
+def test_places_go_above_names_of_streets_and_those_above_figures() -> None:
+    order = [one["id"] for one in style_document(BASE, "light", "steepness")["layers"]]
+    assert order[1] == "water"
+    lines = max(k for k, one in enumerate(order) if one.startswith(("slope-", "unknown-")))
+    above = ["uphill", "figures", "water-names", "street-names", "road-numbers", "places"]
+    assert [one for one in order[lines:] if one in above] == above
+
+
 @given(west=st.floats(-180, 179), width=st.floats(0, 180), south=st.floats(-90, 90), height=st.floats(0, 90))
 def test_a_map_opens_with_all_of_the_network(west: float, width: float, south: float, height: float) -> None:
     east, north = min(west + width, 180.0), min(south + height, 90.0)
@@ -235,7 +246,10 @@ def test_the_style_is_served_whole_and_unchanged_answers_304(reading: Any) -> No
     assert len(style["center"]) == 2
     tile_json = reading.client.get(style["sources"]["slopes"]["url"]).json()
     (fields,) = [layer["fields"] for layer in tile_json["vector_layers"] if layer["id"] == LAYER]
-    assert {*words(style["layers"], "get"), *words(style["layers"], "has")} <= set(fields)
+    of_names = reading.client.get(style["sources"][NAMES]["url"]).json()["vector_layers"]
+    known = {LAYER: set(fields)} | {layer["id"]: set(layer["fields"]) for layer in of_names}
+    for layer in style["layers"][1:]:
+        assert {*words(layer, "get"), *words(layer, "has")} <= known[layer["source-layer"]]
     again = reading.client.get("/style.json", headers={"If-None-Match": answer.headers["etag"]})
     assert (again.status_code, again.content) == (304, b"")
     dark = reading.client.get("/style.json", params={"theme": "dark", "colour": "certainty"})
@@ -252,7 +266,7 @@ def test_a_style_that_there_is_not_is_a_bad_query(reading: Any, query: str) -> N
 
 def test_ways_have_a_style_of_the_same_colours(reading: Any) -> None:
     style = reading.client.get("/style.json?layer=ways").json()
-    assert {one["source-layer"] for one in style["layers"][1:]} == {"ways"}
+    assert {one["source-layer"] for one in style["layers"] if one.get("source") == "slopes"} == {"ways"}
     (layer,) = reading.client.get(style["sources"]["slopes"]["url"]).json()["vector_layers"]
     assert layer["id"] == "ways"
     check(reading.client.get("/style.json?layer=ways&colour=difference"), 400)
