@@ -7,6 +7,8 @@ import { streetsOf } from "./streets";
 
 vi.stubGlobal("addEventListener", () => undefined);
 vi.stubGlobal("location", { search: "", hash: "", origin: "http://127.0.0.1", pathname: "/map" });
+vi.stubGlobal("document", { querySelector: () => null, documentElement: { dataset: {} } });
+vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener: () => undefined }));
 const { address, parsed } = await import("../state");
 
 const LINE: Position[] = [

@@ -1,1 +1,0 @@
-var e=`/web/assets/maplibre-gl-worker-CZtFQQIV.mjs`;export{e as t};
