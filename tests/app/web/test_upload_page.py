@@ -175,6 +175,26 @@ def test_a_failure_is_told_and_computed_again(
     far.get_by_text("Could not be computed").wait_for()
 
 
+def test_uploads_survive_a_reload_and_lists_follow_other_tabs(web: Web, tab: Tab) -> None:
+    opened(tab, web)
+    beside = tab.page.context.new_page()
+    beside.goto(f"{web.base}/drives", wait_until="networkidle")
+    choose(tab, named("monday.csv", LOG), named("tuesday.csv", LOG + b"40,49.1,8.4\n"))
+    for name in ("monday.csv", "tuesday.csv"):
+        row(tab, name).get_by_text("Waits to be computed").wait_for()
+        beside.get_by_role("link", name=name).wait_for()
+    tab.page.reload(wait_until="networkidle")
+    row(tab, "tuesday.csv").get_by_text("Waits to be computed").wait_for()
+    row(tab, "monday.csv").get_by_role("button", name="Cancel monday.csv").click()
+    tab.page.get_by_role("dialog").get_by_role("button", name="Remove the drive").click()
+    beside.get_by_role("link", name="monday.csv").wait_for(state="detached")
+    assert beside.get_by_role("link", name="tuesday.csv").is_visible()
+    tab.page.reload(wait_until="networkidle")
+    row(tab, "tuesday.csv").wait_for()
+    assert row(tab, "monday.csv").count() == 0
+    assert tab.faults() == []
+
+
 def test_files_of_one_drive_a_method_and_the_keyboard_alone(web: Web, tab: Tab) -> None:
     opened(tab, web)
     keys = tab.page.keyboard

@@ -5,6 +5,7 @@ import { goTo, search } from "../shared/address";
 import { getJson } from "../shared/api";
 import type { Drive } from "../shared/drives";
 import { Follower } from "../shared/following";
+import { whenTold } from "../shared/tabs";
 import { waitsForRoads } from "../shared/Waits";
 
 type Listed = Omit<components["schemas"]["DriveList"], "drives"> & { drives: Drive[] };
@@ -122,4 +123,5 @@ export function begin(): void {
     query.value; // whatever changes it
     void load();
   });
+  whenTold(() => void load());
 }

@@ -7,6 +7,7 @@
 import createClient from "openapi-fetch";
 import type { paths } from "../api/schema";
 import { toLogin } from "./session";
+import { tellTabs } from "./tabs";
 import { t } from "./texts";
 
 /** An answer that is no success, or none at all (`status` 0). */
@@ -49,6 +50,11 @@ export async function saidBy(response: Response, read?: unknown): Promise<ApiPro
 }
 
 export const api = createClient<paths>({ baseUrl: location.origin });
+api.use({
+  onResponse({ request, response }) {
+    if (request.method !== "GET" && response.ok) tellTabs();
+  },
+});
 
 interface Settled<T> {
   data?: T;

@@ -6,6 +6,7 @@ import { t } from "../shared/texts";
 import { Adding } from "./Adding";
 import { items, overall, removeDone, retryAll } from "./queue";
 import { Row } from "./Row";
+import { begin } from "./reload";
 import "./upload.css";
 
 const TOLD_EVERY_MS = 3000;
@@ -107,4 +108,5 @@ function Content() {
   );
 }
 
+begin();
 await show("upload", Content);

@@ -5,6 +5,7 @@ import { type Drive, getDrive } from "../shared/drives";
 import { Follower } from "../shared/following";
 import { tellError } from "../shared/Messages";
 import { isNoLog } from "../shared/remarks";
+import { tellTabs } from "../shared/tabs";
 import { waitsForRoads } from "../shared/Waits";
 import {
   type Accepted,
@@ -27,6 +28,15 @@ export type Phase =
   /** No roads are where it was driven; it is computed by itself when there are. */
   | "roads"
   | "cancelled";
+
+/** What a reload of the page leaves of an upload that has become a drive. */
+export interface Kept {
+  name: string;
+  size: number;
+  driveId: string;
+  known: boolean;
+  leftOut: LeftOut[];
+}
 
 const AT_ONCE = 2;
 const TRIES = 4;
@@ -56,16 +66,23 @@ export class Item {
   /** The drive that this upload is to make several of. */
   instead: Item | null = null;
 
-  /** `part`: what is called by that name among the files, which are sent no more. */
+  /** `part`: what is called by that name among the files, which are sent no more; `kept`: of before a reload. */
   constructor(
     readonly files: File[],
     readonly query: URLSearchParams,
     readonly part = "",
+    kept?: Kept,
   ) {
     last += 1;
     this.id = last;
-    this.name = part || this.origin;
-    this.size = part ? 0 : files.reduce((sum, file) => sum + file.size, 0);
+    this.name = kept?.name ?? (part || this.origin);
+    this.size = kept?.size ?? (part ? 0 : files.reduce((sum, file) => sum + file.size, 0));
+    if (kept === undefined) return;
+    this.driveId = kept.driveId;
+    this.sent.value = kept.size;
+    this.known.value = kept.known;
+    this.leftOut.value = kept.leftOut;
+    this.phase.value = "queued";
   }
 
   /** What was sent. */
@@ -130,6 +147,18 @@ function tell(item: Item, drive: Drive): void {
   item.phase.value = waitsForRoads(drive) ? "roads" : drive.status;
 }
 
+/** Look what has become of all drives. */
+export async function look(): Promise<void> {
+  for (const item of items.value.filter((one) => one.driveId !== "")) {
+    try {
+      tell(item, await getDrive(item.driveId));
+    } catch (error) {
+      if (error instanceof ApiProblem && error.status === 404) item.phase.value = "cancelled";
+    }
+  }
+  follower.arrange();
+}
+
 /** Put drives into the queue; those that are in it already are left out. Returns how many there are now more. */
 export function add(drives: File[][], query: URLSearchParams): number {
   const there = new Set(items.value.filter((item) => item.phase.value !== "refused").map((item) => item.key));
@@ -164,6 +193,7 @@ async function transfer(item: Item): Promise<void> {
   });
   try {
     await settle(item, await item.transfer.done);
+    tellTabs();
     follower.arrange();
   } catch (error) {
     if (items.value.includes(item)) fail(item, error);
