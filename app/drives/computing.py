@@ -13,8 +13,9 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from typing import Any
 
+from app.core.messages import say
 from app.core.telemetry.events import Stages
-from app.core.telemetry.logs import blanked, tell
+from app.core.telemetry.logs import tell
 from app.core.version import code_version
 from app.drives.documents import Drive
 from app.drives.log_facts import LogFacts
@@ -30,6 +31,7 @@ from app.terrain.store import DemSet
 from fusion.errors import FusionError
 from fusion.formats import read_log
 from fusion.gnss.positioning import Positioned
+from fusion.messages import message_of
 from fusion.methods.base import DriveResult
 from fusion.pipeline import parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import RoadTable, rows_of
@@ -180,10 +182,7 @@ def compute(
             if save(computed):
                 return computed
         tell(logger, "drive estimated again", reason="the roads were imported anew meanwhile")
-    raise ProcessingError(
-        f"The roads around this drive changed {MAX_ROAD_CHANGES} times while it was processed. "
-        "Ask for it again when the import is over."
-    )
+    raise ProcessingError(say("processing.roads_changed", n=MAX_ROAD_CHANGES))
 
 
 def read_drive(
@@ -193,9 +192,7 @@ def read_drive(
     try:
         file = context.blobs.open(blob_key)
     except FileNotFoundError as error:
-        raise ProcessingError(
-            "The uploaded file is no longer in the service's storage. Delete the drive and upload it again."
-        ) from error
+        raise ProcessingError(say("processing.file_lost")) from error
     with file:
         return read_log(file, columns=columns, max_bytes=context.settings.max_log_bytes, progress=progress)
 
@@ -207,10 +204,7 @@ def surroundings_of(context: JobContext, boxes_deg: Floats) -> Surroundings:
         session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
         version = road_store.current_road_version(session)
         if version is None:
-            raise NoRoadsError(
-                "No roads have been imported yet. Import them (`versant import-roads FILE`): then the drive is "
-                "computed by itself."
-            )
+            raise NoRoadsError(say("processing.no_roads"))
         roads = roads_in(session, boxes_deg)
         return Surroundings(roads, version.id, dem.current_dem(session, context.dem_dir))
 
@@ -238,15 +232,12 @@ def estimate(
 def failure_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Failure:
     """What is said of an error in a run of ``what`` (drive, trial); what is the service's fault is logged as well."""
     if isinstance(error, FusionError):
-        return Failure(error.kind, blanked(str(error)), error.where, stage)
+        return Failure(error.kind, message_of(error), error.where, stage)
     if isinstance(error, MemoryError):
         logger.error("%s %s: out of memory in stage %s", what, number, stage)
         memory.forget(error)
-        reason = f"The drive needs {memory.MORE_MEMORY}. Split the log into shorter drives."
+        reason = say("processing.drive_needs_memory", more=memory.MORE_MEMORY)
         return Failure("out-of-memory", reason, stage=stage)
     logger.error("%s %s failed unexpectedly in stage %s", what, number, stage, exc_info=error)
-    reason = (
-        f"Processing failed in stage '{stage}' by a fault of the service, not of the log "
-        f"({type(error).__name__}). It is in the worker's log under the {what}'s id; ask the operator."
-    )
+    reason = say("processing.fault_in_stage", stage=stage, error=type(error).__name__, what=what)
     return Failure("internal", reason, stage=stage)

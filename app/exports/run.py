@@ -18,6 +18,7 @@ from app.core.databases import database_identity
 from app.core.db import plain_json, snapshot
 from app.core.errors import ServiceError
 from app.core.filesystems import file_system, free_bytes, full_is_told, storage_full
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.telemetry.logs import tell
 from app.exports import store
@@ -142,7 +143,7 @@ def _store_file(run: RequestRun[Export], path: Path, show_share: Callable[[float
 EXPORT = RequestKind(
     exports,
     _make_export,
-    advice="Ask for a smaller part of the map (bbox, region, driven).",
+    advice=say("processing.smaller_export"),
     failure=expected_failure(NO_ROOM),
     folder="exports",
     files=EXPORTS,

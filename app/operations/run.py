@@ -16,6 +16,7 @@ from typing import Any
 from app.core.blobs import IMPORTS
 from app.core.db import plain_json
 from app.core.filesystems import full_is_told, require_room
+from app.core.messages import say
 from app.core.tables import requests as tables
 from app.core.telemetry.logs import tell
 from app.jobs.requests.run import RequestKind, RequestRun, expected_failure
@@ -308,7 +309,7 @@ def _fetch_file(run: Run, blob_key: str) -> None:
 OPERATION = RequestKind(
     operations,
     _operate,
-    advice="Ask for it again: what was done of it stays. The command line knows no such limit.",
+    advice=say("processing.operation_again"),
     failure=expected_failure(NO_ROOM),
     folder="operations",
     files=IMPORTS,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fusion.arrays import ColumnTable
 from fusion.errors import ControlError
 from fusion.frames import METRES_PER_DEGREE, SHORTEST_DEGREE_M
+from fusion.messages import say
 from fusion.network.curve import height_variance, height_weights
 from fusion.network.equations import Blocks, Solution
 from fusion.network.unknowns import RoadUnknowns
@@ -96,12 +97,13 @@ def _point(path: Path, line: int, cells: dict[str, str]) -> ControlPoint:
             values[name] = float(text)
         except ValueError:
             raise ControlError(
-                f"Line {line} of {path.name}: {name} is {text!r}, which is no number.", where=f"line {line}"
+                f"Line {line} of {path.name}: {name} is {text!r}, which is no number.",
+                where=say("place.line", n=line),
             ) from None
         if not low <= values[name] <= high:
             raise ControlError(
                 f"Line {line} of {path.name}: {name} is {text}, outside of {low:g} to {high:g}.",
-                where=f"line {line}",
+                where=say("place.line", n=line),
             )
     return ControlPoint(**values, name=f"line {line} of {path.name}")
 

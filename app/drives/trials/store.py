@@ -57,7 +57,15 @@ _FORGET = text(
 )
 _GET_RESULT = text("SELECT track, measurements, slopes FROM drive_trials WHERE id = :id AND status = 'done'")
 
-_FORMER = ("stage", "failure_kind", "failure_reason", "failure_where", "started_at", "finished_at")
+_FORMER = (
+    "stage",
+    "failure_kind",
+    "failure_reason",
+    "failure_where",
+    "failure_said",
+    "started_at",
+    "finished_at",
+)
 _ANEW: Mapping[str, Any] = {"status": "queued", "progress": 0, **dict.fromkeys(_FORMER)}
 
 

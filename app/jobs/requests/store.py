@@ -19,7 +19,7 @@ from app.core.caller import has_share, seeing_all
 from app.core.db import plain_json
 from app.core.errors import BusyError
 from app.core.tables.requests import RequestColumns
-from app.core.telemetry.logs import reason_text
+from app.core.telemetry.logs import reason_text, said_of_failure
 from app.jobs.task import Kind, add_job
 
 NOW = func.clock_timestamp()
@@ -219,6 +219,7 @@ class RequestStore(Generic[R]):
             return None
         texts = {"failure_reason": failure.reason, "failure_where": failure.where, "stage": failure.stage}
         values = {name: reason_text(value) for name, value in texts.items()}
+        values["failure_said"] = said_of_failure(failure.reason, failure.where)
         self.write(
             session, number, status="failed", failure_kind=failure.kind, finished_at=NOW, **values, **columns
         )

@@ -1,7 +1,8 @@
 /** One upload in the list: how far it is in words and as a bar, why it failed, and what can be done now. */
 import { confirmed } from "../shared/Confirm";
-import { mapOf, stageText, warningsOf } from "../shared/drives";
+import { mapOf, stageText } from "../shared/drives";
 import { distance, duration, size } from "../shared/format";
+import { reasonOf, remarksOf } from "../shared/remarks";
 import { t } from "../shared/texts";
 import { Columns, mayLackColumns } from "./Columns";
 import { type Item, type Phase, remove, removeDrive, retry, takeApart } from "./queue";
@@ -139,8 +140,9 @@ function Doubts({ item }: { item: Item }) {
 export function Row({ item }: { item: Item }) {
   const phase = item.phase.value;
   const drive = item.drive.value;
-  const warnings = warningsOf(drive);
-  const reason = phase === "refused" ? item.problem.value?.message : drive?.failure?.reason;
+  const warnings = remarksOf(drive?.report);
+  const reason =
+    phase === "refused" ? item.problem.value?.message : drive?.failure && reasonOf(drive.failure);
   return (
     <li class={`upload-row ${phase}`}>
       <div class="what">
@@ -160,8 +162,8 @@ export function Row({ item }: { item: Item }) {
           <details>
             <summary class="warn-text">{t("upload.warnings", { n: warnings.length })}</summary>
             <ul>
-              {warnings.map((warning) => (
-                <li key={warning}>{warning}</li>
+              {warnings.map(({ text }) => (
+                <li key={text}>{text}</li>
               ))}
             </ul>
           </details>

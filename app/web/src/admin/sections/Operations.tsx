@@ -1,6 +1,7 @@
 /** Imports, removals and settling: what is under way, what is planned and waits for a yes, and what was done. */
 import { useEffect, useRef, useState } from "preact/hooks";
 import { moment, number } from "../../shared/format";
+import { reasonOf } from "../../shared/remarks";
 import { hasText, t } from "../../shared/texts";
 import { approve, destroys, drop, groundChanged, OPERATIONS } from "../actions/operations";
 import { useReading } from "../page_state";
@@ -100,7 +101,7 @@ function Card({ one }: { one: Operation }) {
 }
 
 function Outcome({ one }: { one: Operation }) {
-  if (one.failure) return <span class="error-text">{one.failure.reason}</span>;
+  if (one.failure) return <span class="error-text">{reasonOf(one.failure)}</span>;
   return <>{sentenceOf(one.result) ?? sentenceOf(one.plan) ?? "–"}</>;
 }
 
