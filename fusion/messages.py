@@ -68,10 +68,10 @@ def say(key: str, /, **parameters: Any) -> Message:
     return Message(_written("en", key, values), key, values)
 
 
-def joined(parts: Iterable[str]) -> Message:
-    """Sentences, one after the other."""
+def joined(parts: Iterable[str], by: str = " ") -> Message:
+    """Sentences or phrases, one after the other."""
     said = [part for part in parts if part]
-    return Message(" ".join(said), JOINED, {"parts": said})
+    return Message(by.join(said), JOINED, {"parts": said, "by": by})
 
 
 def message_of(error: BaseException) -> str:
@@ -86,7 +86,7 @@ def said(text: str | None) -> dict[str, Any] | None:
     return {"key": text.key, "parameters": {name: _as_json(one) for name, one in text.parameters.items()}}
 
 
-def heard(text: str, key_and_parameters: Mapping[str, Any] | None) -> str:
+def with_key(text: str, key_and_parameters: Mapping[str, Any] | None) -> str:
     """The sentence again that was stored as its text and what ``said`` made of it."""
     if not key_and_parameters:
         return text
@@ -96,7 +96,7 @@ def heard(text: str, key_and_parameters: Mapping[str, Any] | None) -> str:
 def remarks_of(report: Mapping[str, Any]) -> list[str]:
     """The warnings of a report, each with its key where it has one."""
     texts = report.get("warnings", ())
-    return [heard(*one) for one in zip_longest(texts, report.get("warnings_said", ())[: len(texts)])]
+    return [with_key(*one) for one in zip_longest(texts, report.get("warnings_said", ())[: len(texts)])]
 
 
 def with_remarks(report: Mapping[str, Any], remarks: Sequence[str]) -> dict[str, Any]:
@@ -112,6 +112,11 @@ def text_in(language: str, text: str) -> str:
         return _written(language, text.key, text.parameters)
     except KeyError:
         return text
+
+
+def term(language: str, text: str) -> str:
+    """A fixed word or phrase of English in a language; as it stands where the language has none for it."""
+    return str(catalogue(language)[TERMS].get(text, text))
 
 
 class _Writer(string.Formatter):
@@ -135,14 +140,14 @@ class _Writer(string.Formatter):
             return _written(self._language, value["key"], value["parameters"])
         if isinstance(value, Message):
             return text_in(self._language, value)
-        return catalogue(self._language)[TERMS].get(value, value) if isinstance(value, str) else value
+        return term(self._language, value) if isinstance(value, str) else value
 
 
 def _written(language: str, key: str, parameters: Mapping[str, Any]) -> str:
     """The words of a key in a language; ``KeyError`` where it has none."""
     writer = _Writer(language)
     if key == JOINED:
-        return " ".join(writer.format("{0}", one) for one in parameters["parts"])
+        return str(parameters["by"]).join(writer.format("{0}", one) for one in parameters["parts"])
     template = catalogue(language)[key]
     if isinstance(template, dict):
         template = template["one" if parameters.get("n") == 1 else "other"]

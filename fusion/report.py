@@ -47,8 +47,8 @@ _WGS84 = Geod(ellps="WGS84")
 NO_GROUND = say("drive.no_ground")
 NO_HEIGHTS = say("drive.zero_altitudes")
 _ADVICE = {
-    "altitude": "Record altitudes as well, or give an elevation model that covers the drive.",
-    "doppler": "Record it if the receiver offers it (u-blox: UBX-NAV-PVT), or use one that does.",
+    "altitude": say("advice.altitude"),
+    "doppler": say("advice.doppler"),
 }
 
 
@@ -215,7 +215,8 @@ def _matched_share(track: Track) -> float:
 def _advice(log: DriveLog, cue: str) -> str:
     """How a log of this format can have a cue that it lacks."""
     known = FORMATS.get(log.source_format)  # none of several formats, joined
-    return str(getattr(known, f"{cue}_advice")) if known else _ADVICE[cue]
+    advice: str = getattr(known, f"{cue}_advice") if known else _ADVICE[cue]
+    return advice
 
 
 def _rests_on_terrain(log: DriveLog, result: DriveResult, method: Method, ground: Ground | None) -> bool:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import app.cli.options as cli
-from app.cli.console import Bars, Console, write_json
+from app.cli.console import Bars, Console, spoken, write_json
 from fusion.errors import FusionError
+from fusion.messages import remarks_of
 
 if TYPE_CHECKING:
     from app.cli.client import Client, RemoteDrive, Sent
@@ -164,7 +165,7 @@ class Upload:
             "segments": self.segments,
             "reason": self.reason,
             "summary": summary(self.name, self.report) if self.report else None,
-            "warnings": list(self.report.get("warnings", ())),
+            "warnings": remarks_of(self.report),
             "address": link_of(document, "self"),
             "profile": link_of(document, "profile", "image/png") if self.report else None,
         }
@@ -193,7 +194,7 @@ def _send(
     uploads = _drives_of(source, sent)
     for one in uploads:
         if one.failed and one.drive and not wait:
-            console.complain(f"{one.name}: {one.reason or one.status}")
+            console.complain(f"{one.name}: {spoken(one.reason or one.status)}")
     for document in sent.documents:
         doubts = document.get("unclear") or []
         console.warn(source.name, (cli.unclear_words(doubt["files"], doubt["why"]) for doubt in doubts))
@@ -228,7 +229,7 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
             one.segments = sum(1 for _ in client.features(f"/v1/drives/{one.drive.id}/segments"))
         _tell(one, console)
     elif one.failed:
-        console.complain(f"{one.name}: {one.reason or one.status}")
+        console.complain(f"{one.name}: {spoken(one.reason or one.status)}")
 
 
 def _tell(one: Upload, console: Console) -> None:

@@ -150,10 +150,7 @@ class Drive(
     def require_log(self) -> None:
         """``LogDeletedError`` where it was deleted."""
         if self.log_deleted_at is not None:
-            raise LogDeletedError(
-                f"The log of drive {self.id} was deleted, for its owner keeps logs no longer. What was computed of it "
-                "stays, and is not computed again. To have it computed anew, remove the drive and upload its log."
-            )
+            raise LogDeletedError(say("drives.log_deleted", id=self.id))
 
     # The service's own, in no document.
     owner_id: int = Field(exclude=True)

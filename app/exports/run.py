@@ -33,10 +33,7 @@ from fusion.errors import FusionError
 CHUNK_BYTES = 2**20
 MOST_YIELDS = 3
 """So often an export lets others go first and begins anew; then it runs to its end."""
-NO_ROOM = (
-    "The service's storage is full: nothing of this file was kept. Ask again when whoever runs the service has made "
-    "room (/readyz says how much there is)."
-)
+NO_ROOM = say("export.no_room")
 
 logger = logging.getLogger(__name__)
 
@@ -83,8 +80,7 @@ def _require_fit(size_bytes: int, settings: Settings, *, is_operators: bool) -> 
     for whose, most_bytes, setting in bounds:
         if size_bytes > most_bytes:
             raise TooLargeError(
-                f"The file has {size_bytes} bytes, and {whose} together may have {most_bytes} ({setting}). Ask for a "
-                "smaller part of the map (bbox, region, driven)."
+                say("export.too_large", size=size_bytes, whose=whose, most=most_bytes, setting=setting)
             )
 
 

@@ -193,8 +193,8 @@ def _format_of(head: bytes, name: str, columns: Mapping[str, str]) -> LogFormat:
     """Recognise the format of a file; it learns the file's name and the names that a person gave for columns."""
     chosen = next((f for _, f in FORMATS.items() if f.recognises(head)), None)
     if chosen is None:
-        supported = ", ".join(f"{f.description} ({', '.join(f.suffixes)})" for _, f in FORMATS.items())
-        raise refuse(head, f"{supported}, each also gzipped, or several of one drive in a zip")
+        kinds = [say("log.kind", kind=f.description, suffixes=list(f.suffixes)) for f in FORMATS.values()]
+        raise refuse(head, say("log.supported", kinds=kinds))
     return chosen.with_columns(columns).with_name(name)
 
 

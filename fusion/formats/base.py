@@ -238,8 +238,9 @@ def usable_positions(
 
 def _calendar(time_s: float) -> str:
     year = 1970 + time_s / 31556952.0
-    about = say("fault.about_year", year=year) if 0 < year < 1e6 else ""
-    return f"{time_s:.14g} s{about}"
+    if not 0 < year < 1e6:
+        return f"{time_s:.14g} s"
+    return say("fault.about_year", time_s=f"{time_s:.14g}", year=year)
 
 
 def ground_velocity(speed_mps: Floats, heading_rad: Floats) -> tuple[Floats, Floats]:
@@ -303,7 +304,7 @@ def build_log(
     fix = tables.setdefault("fix", GnssFix.empty())
     if not len(fix) and not (raw is not None and len(raw.signals)) and not part:
         why = say("log.first", fault=notes.first_offender) if notes.first_offender else ""
-        advice = advice or "Check that the recording had satellite reception and upload it again."
+        advice = advice or say("advice.reception")
         raise EmptyLogError(
             say("log.no_position", description=kind.description, why=why, advice=advice),
             where=notes.first_offender.split(":")[0] or None,

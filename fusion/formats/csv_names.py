@@ -270,7 +270,7 @@ def missing_sentence(missing: Sequence[str], header: Sequence[str], line: int) -
         for cell in header
         if nearest(cell, [column.split()[0]])
     ]
-    shown = {"missing": ", ".join(missing), "line": line, "names": shown_header(header)}
+    shown = {"missing": list(missing), "line": line, "names": shown_header(header)}
     if not near:
         return say("csv.missing", **shown)
     return say("csv.missing_near", **shown, near=near, options=" ".join(f"--columns {one}" for one in near))

@@ -13,6 +13,7 @@ from typing import Any
 import osmium
 
 from fusion.errors import RoadsError
+from fusion.messages import say
 from fusion.roads.osm import BROKEN, bounded_format
 
 Box = tuple[float, float, float, float]
@@ -121,6 +122,4 @@ def _nodes_within(file: Any, box: Box) -> Any:
 
 
 def _damaged(path: Path, error: Exception) -> RoadsError:
-    return RoadsError(
-        f"{path.name} is damaged: {str(error).rstrip('.')}. Download or export it again.", where=path.name
-    )
+    return RoadsError(say("roads.damaged", file=path.name, error=str(error).rstrip(".")), where=path.name)

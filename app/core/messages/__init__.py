@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from fusion.messages import add_catalogues
+from fusion.messages import add_catalogues, said
 from fusion.messages import say as say
 
 SAID = "null where it has none. Pages say it so in their reader's language."
@@ -21,6 +21,12 @@ class Said(BaseModel):
 
     key: str
     parameters: dict[str, Any] = Field(description="Numbers, texts, lists, and sentences like this one.")
+
+    @classmethod
+    def of(cls, text: str) -> Said | None:
+        """Of a sentence; None where it has no key."""
+        key = said(text)
+        return None if key is None else cls(**key)
 
 
 def said_in(columns: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 import string
 from collections.abc import Iterator
 from functools import cache
@@ -15,6 +16,7 @@ import pytest
 import app.core.messages  # noqa: F401 - adds its catalogues
 from app.core.errors import all_kinds
 from app.core.telemetry.logs import said_of_failure
+from app.web import guides
 from fusion.errors import EmptyLogError
 from fusion.formats import FORMATS
 from fusion.messages import (
@@ -22,13 +24,13 @@ from fusion.messages import (
     TERMS,
     Message,
     catalogue,
-    heard,
     joined,
     message_of,
     remarks_of,
     said,
     say,
     text_in,
+    with_key,
     with_remarks,
 )
 
@@ -86,21 +88,32 @@ def test_no_key_is_in_two_catalogues_nor_unused() -> None:
     files = [REPOSITORY / folder / "en.json" for folder in ("fusion/catalogues", "app/core/messages")]
     keys = [key for file in files for key in json.loads(file.read_text()) if key != TERMS]
     assert sorted(keys) == sorted(set(keys))
-    strings = {
-        node.value
-        for _, tree in trees()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str)
-    }
+    nodes = [node for _, tree in trees() for node in ast.walk(tree)]
+    written = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    made = {pattern(node) for node in nodes if isinstance(node, ast.JoinedStr)}
+    made = {one for one in made if re.match(r"[a-z]+\\\.", one)}
     kinds = {f"problem.{slug}" for slug in all_kinds()}
-    assert [key for key in keys if key not in strings | kinds] == []
+    idle = [
+        key for key in keys if key not in written | kinds and not any(re.fullmatch(one, key) for one in made)
+    ]
+    assert idle == []
 
 
-def test_reasons_for_leaving_something_out_and_names_of_formats_are_in_every_language() -> None:
-    fixed = {kind.description for kind in FORMATS.values()}
+def pattern(text: ast.JoinedStr) -> str:
+    """What an f-string may come to, as a regular expression."""
+    parts = [
+        re.escape(str(one.value)) if isinstance(one, ast.Constant) else r"[a-z_]+" for one in text.values
+    ]
+    return "".join(parts)
+
+
+def test_reasons_for_leaving_something_out_and_other_fixed_words_are_in_every_language() -> None:
+    fixed = {kind.description for kind in FORMATS.values()} | {kind.title for kind in all_kinds().values()}
     for _, call in each_call():
         if isinstance(call.func, ast.Attribute) and call.func.attr == "skip":
             fixed |= {one.value for one in call.args[:1] if isinstance(one, ast.Constant)}
+    for section in guides.sections():
+        fixed |= {section.title, *(one.title for name, _ in section.pages if (one := guides.guide(name)))}
     assert fixed - set(catalogue("de")[TERMS]) == set()
 
 
@@ -116,7 +129,7 @@ def test_a_message_is_its_english_text_and_said_in_another_language() -> None:
     )
     assert text_in("de", message) == german
     assert text_in("en", message) == message
-    again = heard(str(message), json.loads(json.dumps(said(message))))
+    again = with_key(str(message), json.loads(json.dumps(said(message))))
     assert (again, text_in("de", again)) == (message, german)
 
 
@@ -128,8 +141,8 @@ def test_messages_go_through_errors_and_reports_with_their_keys() -> None:
     assert report["warnings_said"][1] is None
     stored = json.loads(json.dumps(report))
     assert stored["warnings"] == [f"{say('drive.no_ground')} Mine.", "Nobody's."]
-    heard_again = remarks_of(stored)
-    assert text_in("de", heard_again[0]).endswith("konnte nicht verwendet werden. Mine.")
+    again = remarks_of(stored)
+    assert text_in("de", again[0]).endswith("konnte nicht verwendet werden. Mine.")
     assert remarks_of({"warnings": ["Of an older version."]}) == ["Of an older version."]
 
 

@@ -198,7 +198,6 @@ export interface Removal {
   drives: number;
   km: number;
   uploaded_bytes: number;
-  sentence: string;
 }
 
 /** Per hour or day; what is missing is left out of its chart. */

@@ -23,7 +23,7 @@ const OPERATORS: readonly PageName[] = ["admin"];
 /** Pages for everybody. */
 const OPEN: readonly PageName[] = ["docs", "login"];
 /** Pages that show sentences of the service at once. */
-const SAYING: readonly PageName[] = ["admin", "drives", "upload"];
+const SAYING: readonly PageName[] = ["admin", "docs", "drives", "upload"];
 
 interface PageProps {
   name: PageName;

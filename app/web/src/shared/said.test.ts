@@ -25,7 +25,7 @@ test("sentences inside of sentences, lists and fixed words are said so, too", ()
   expect(inWords("", said)).toBe("1.200 × ausgelassen: ohne Zeit; zuerst: Zeile 7: sie hat keine Zeit.");
   const both = {
     key: "joined",
-    parameters: { parts: [{ key: "drive.no_ground", parameters: {} }, "Mine."] },
+    parameters: { by: " ", parts: [{ key: "drive.no_ground", parameters: {} }, "Mine."] },
   };
   expect(inWords("", both)).toMatch(/nicht verwendet werden\. Mine\.$/);
   const cells = { key: "drive.unsolved", parameters: { cells: ["8/12", "8/13"], more: "" } };

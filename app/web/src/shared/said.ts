@@ -52,7 +52,8 @@ function isSaid(value: unknown): value is Said {
 
 /** The words; undefined where a key in it has none. */
 function written(said: Said): string | undefined {
-  if (said.key === "joined") return list(said.parameters["parts"] as unknown[], " ");
+  if (said.key === "joined")
+    return list(said.parameters["parts"] as unknown[], said.parameters["by"] as string);
   // A page has other words than a command line where it has other ways.
   const own = `said.${said.key}`;
   const template: Template | undefined = hasText(own) ? t(own as TextKey) : templates[said.key];
