@@ -1,1 +1,0 @@
-import{f as e,i as t,l as n,n as r}from"./api-zYpHiPMy.js";function i(e){return t(r.GET(`/v1/drives/{drive_id}`,{params:{path:{drive_id:e}}}))}function a(e){return`/map?bbox=${e.map(e=>e.toFixed(5)).join(`,`)}`}function o(t){let r=`upload.stage.${(t??`begins`).replaceAll(` `,`_`)}`;return n(r)?e(r):e(`upload.stage_other`,{stage:t??``})}export{a as n,o as r,i as t};
