@@ -129,7 +129,9 @@ class _Writer(string.Formatter):
         return super().convert_field(self._value(value) if conversion else value, conversion)
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        text = format(self._value(value), format_spec)
+        text = format(
+            self._value(value), "" if isinstance(value, str) else format_spec
+        )  # a figure may be blanked
         is_figure = isinstance(value, float) and self._language != "en"
         return text.replace(".", ",") if is_figure else text
 

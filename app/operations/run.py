@@ -36,7 +36,7 @@ from app.terrain.heights import renew_all
 from app.terrain.imports import add_dem, remove_dem
 from app.terrain.store import chosen, current_dem
 from fusion.errors import FusionError
-from fusion.messages import joined, said
+from fusion.messages import joined, said, with_key
 
 Document = dict[str, Any]
 Run = RequestRun[Operation]
@@ -145,7 +145,8 @@ def _wait_for_imports(run: Run) -> None:
 
 def _of_roads(counts: ImportCounts, before: str = "") -> Document:
     outline = say("operation.of_roads", summary=summary(counts))
-    sentence = joined([before, outline, *remarks(counts)])
+    begun = with_key(outline[:1].upper() + outline[1:], said(outline))
+    sentence = joined([before, begun, *remarks(counts)])
     figures = {k: v for k, v in asdict(counts).items() if k not in {"dry_run", "longest_hold_s"}}
     return {**figures, "segments": counts.segments, "sentence": sentence}
 

@@ -240,7 +240,7 @@ def _calendar(time_s: float) -> str:
     year = 1970 + time_s / 31556952.0
     if not 0 < year < 1e6:
         return f"{time_s:.14g} s"
-    return say("fault.about_year", time_s=f"{time_s:.14g}", year=year)
+    return say("fault.about_year", time_s=f"{time_s:.14g}", year=f"{year:.0f}")
 
 
 def ground_velocity(speed_mps: Floats, heading_rad: Floats) -> tuple[Floats, Floats]:

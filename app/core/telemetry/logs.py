@@ -93,7 +93,7 @@ def _without_places(value: Any) -> Any:
     if isinstance(value, list):
         return [_without_places(one) for one in value]
     if isinstance(value, float) and blanked(repr(value)) != repr(value):
-        return round(value, DIGITS)
+        return _BLANK
     return blanked(value) if isinstance(value, str) else value
 
 

@@ -160,4 +160,7 @@ def test_a_failure_is_stored_without_places() -> None:
     text = json.dumps(stored)
     assert "8.46" not in text
     assert "91.2345" not in text
+    assert text_in("de", with_key("", stored["reason"])).endswith(
+        "lat_deg ist (entfernt), außerhalb von -90..90"
+    )
     assert said_of_failure("Plain.", "line 3") is None

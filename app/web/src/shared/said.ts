@@ -38,7 +38,15 @@ export function loadSaid(): Promise<void> {
 
 /** A sentence of the service, whose English is `text`. */
 export function inWords(text: string, said: Said | null | undefined): string {
-  return (said && written(said)) ?? text;
+  if (!said || (currentLanguage() === "en" && !hasOwn(said))) return text;
+  return written(said) ?? text;
+}
+
+/** Whether the pages have words of their own for it, or for a sentence in it. */
+function hasOwn(value: unknown): boolean {
+  if (Array.isArray(value)) return value.some(hasOwn);
+  if (!isSaid(value)) return false;
+  return hasText(`said.${value.key}`) || Object.values(value.parameters).some(hasOwn);
 }
 
 /** A fixed English word or phrase of the service. */

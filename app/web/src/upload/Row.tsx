@@ -3,6 +3,7 @@ import { confirmed } from "../shared/Confirm";
 import { mapOf, stageText } from "../shared/drives";
 import { distance, duration, size } from "../shared/format";
 import { reasonOf, remarksOf } from "../shared/remarks";
+import { inWords } from "../shared/said";
 import { t } from "../shared/texts";
 import { Columns, mayLackColumns } from "./Columns";
 import { type Item, type Phase, remove, removeDrive, retry, takeApart } from "./queue";
@@ -172,9 +173,9 @@ export function Row({ item }: { item: Item }) {
           <details>
             <summary class="quiet-text">{t("upload.unused", { n: item.leftOut.value.length })}</summary>
             <ul>
-              {item.leftOut.value.map(({ file, reason: why }) => (
+              {item.leftOut.value.map(({ file, reason: why, said }) => (
                 <li key={file}>
-                  {file}: {why}
+                  {file}: {inWords(why, said)}
                 </li>
               ))}
             </ul>
