@@ -1,0 +1,1 @@
+import{i as e,n as t,w as n,x as r}from"./api-xJpuId2S.js";function i(n){return e(t.GET(`/v1/drives/{drive_id}`,{params:{path:{drive_id:n}}}))}function a(e){return`/map?bbox=${e.map(e=>e.toFixed(5)).join(`,`)}`}function o(e){let t=`upload.stage.${(e??`begins`).replaceAll(` `,`_`)}`;return r(t)?n(t):n(`upload.stage_other`,{stage:e??``})}export{a as n,o as r,i as t};
