@@ -16,6 +16,7 @@ from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.errors import EmptyLogError, MethodError, MissingSensorError, NoMatchError
 from fusion.frames import LocalProjection
 from fusion.gnss.positioning import Positioned, options_of, positioned, validated
+from fusion.messages import joined, message_of, say
 from fusion.methods.base import DriveResult, Options
 from fusion.methods.computed_positions import (
     above_ellipsoid,
@@ -67,16 +68,10 @@ def run_drive(
     positioned = replace(positioned, log=without_placeholders(positioned.log))
     log = positioned.log
     if len(log.fix) < MIN_FIXES:
-        raise EmptyLogError(
-            f"The log holds {len(log.fix)} position(s); at least {MIN_FIXES} are needed for a slope. "
-            "Record for longer, or check that the receiver had a fix."
-        )
+        raise EmptyLogError(say("log.too_few_positions", n=len(log.fix), least=MIN_FIXES))
     west, _, east, _ = log.bounds_deg()
     if east - west > 180:
-        raise MethodError(
-            f"The log reaches from {west:.3f} to {east:.3f} degrees east: it crosses the 180th meridian, which is not "
-            "supported yet. Split it there into two logs."
-        )
+        raise MethodError(say("log.meridian", west=west, east=east))
     near = roads.along(road_boxes(log))
     if not len(near):
         raise NoMatchError(_far_message(log))
@@ -89,7 +84,7 @@ def run_drive(
         result = estimator.estimate(log, network, dem, chosen, progress)
     except MissingSensorError as error:
         advice = advice_of(positioned.log, estimator.cues, dem, ground)
-        raise MissingSensorError(f"{error} {advice}".strip(), where=error.where) from error
+        raise MissingSensorError(joined([message_of(error), advice]), where=error.where) from error
     result = result if graded else places_alone(result)
     if not np.any(result.track.segment >= 0):
         raise NoMatchError(_far_message(log))
@@ -135,8 +130,4 @@ def _plane(log: DriveLog) -> LocalProjection:
 
 def _far_message(log: DriveLog) -> str:
     west, south, east, north = log.bounds_deg()
-    return (
-        f"The log lies between {south:.5f} and {north:.5f} degrees north and between {west:.5f} and {east:.5f} "
-        "degrees east, and no position in it comes near a known road. Import the roads of that area, or check the "
-        "log's coordinates (latitude and longitude swapped?)."
-    )
+    return say("drive.no_road_near", south=south, north=north, west=west, east=east)

@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from typing import TypeVar
 
 from fusion.errors import BadOptionsError, UnknownNameError
+from fusion.messages import say
 
 T = TypeVar("T")
 
@@ -43,20 +44,22 @@ def check_columns(columns: Mapping[str, str]) -> None:
         if ours not in LOG_COLUMNS:
             alike = [name for name in LOG_COLUMNS if ours and name.startswith(ours.lower()[:3])][:3]
             near = alike or get_close_matches(ours.lower(), LOG_COLUMNS, 3, 0.6)
-            meant = f"Did you mean {' or '.join(near)}?" if near else f"There are {', '.join(LOG_COLUMNS)}."
+            meant = (
+                say("columns.near_ours", near=" or ".join(near))
+                if near
+                else say("columns.there_are", names=", ".join(LOG_COLUMNS))
+            )
             raise BadOptionsError(
-                f"columns: {ours[:60]!r} (of {ours[:60]}={theirs[:60]}) is no column of Versant. {meant}",
+                say("columns.not_ours", ours=ours[:60], theirs=theirs[:60], meant=meant),
                 where="columns",
             )
         if not theirs.strip():
-            raise BadOptionsError(
-                f"columns: {ours}= names no column of the file. Write {ours}=ITS_NAME.", where="columns"
-            )
+            raise BadOptionsError(say("columns.names_none", ours=ours), where="columns")
 
 
 def unknown_name(role: str, name: str, known: Iterable[str]) -> UnknownNameError:
     """What is raised for a name that is not ``known``; ``role`` is the singular noun for what has such names."""
-    return UnknownNameError(f"There is no {role} called {name!r}. Choose one of: {', '.join(known)}.")
+    return UnknownNameError(say("options.no_such", role=role, name=name, names=", ".join(known)))
 
 
 class Registry(dict[str, T]):

@@ -16,6 +16,7 @@ import numpy as np
 from pyproj import Geod
 
 from fusion.formats import FORMATS
+from fusion.messages import joined, remarks_of, say, with_remarks
 from fusion.terrain.datum import MEAN_SEA_LEVEL, datum_of_log
 from fusion.types import CUES, MAX_SPEED_MPS, PAUSE_S, DriveLog, Floats, Track
 
@@ -43,12 +44,11 @@ MOST_PLACES = 5000
 """Positions of a drive, evenly chosen, at which the elevation model is looked at."""
 
 _WGS84 = Geod(ellps="WGS84")
-NO_GROUND = "The elevation model has no height under the drive, and could not be used."
-NO_HEIGHTS = "All altitudes of the log are 0 m: they were not measured, and are left out."
-_CONTRADICTS = "This drive contradicts other drives on "
+NO_GROUND = say("drive.no_ground")
+NO_HEIGHTS = say("drive.zero_altitudes")
 _ADVICE = {
-    "altitude": "Record altitudes as well, or give an elevation model that covers the drive.",
-    "doppler": "Record it if the receiver offers it (u-blox: UBX-NAV-PVT), or use one that does.",
+    "altitude": say("advice.altitude"),
+    "doppler": say("advice.doppler"),
 }
 
 
@@ -128,15 +128,18 @@ def drive_report(
         "missing": list(log.missing),
         "skipped": dict(log.skipped),
         "repaired": dict(log.repaired),
-        "warnings": [
-            *log.warnings,
-            *result.report.get("warnings", ()),
-            *_lacking(log, method, only=only, computed=computed),
-            *(_never_changing(log) if "altitude" in method.cues else ()),
-            *_of_terrain(log, dem, ground),
-            *(_nothing_came_out(result) if graded else ()),
-        ],
-        **{k: v for k, v in result.report.items() if k not in ("matched_share", "warnings")},
+        **with_remarks(
+            {},
+            [
+                *log.warnings,
+                *result.report.get("warnings", ()),
+                *_lacking(log, method, only=only, computed=computed),
+                *(_never_changing(log) if "altitude" in method.cues else ()),
+                *_of_terrain(log, dem, ground),
+                *(_nothing_came_out(result) if graded else ()),
+            ],
+        ),
+        **{k: v for k, v in result.report.items() if k not in ("matched_share", "warnings", "warnings_said")},
     }
 
 
@@ -173,13 +176,13 @@ def advice_of(log: DriveLog, cues: Collection[str], dem: Dem | None, ground: Gro
     lacking = [_advice(log, cue) for cue in _ADVICE if cue in cues and cue not in cues_of(log)]
     elsewhere = _of_terrain(log, dem, ground) if ground is not None and not ground.share else []
     zeros = [NO_HEIGHTS] if NO_HEIGHTS in log.warnings else []
-    return " ".join([*zeros, *lacking, *elsewhere])
+    return joined([*zeros, *lacking, *elsewhere])
 
 
 def with_agreement(report: Mapping[str, Any], rejected: int, duplicate_of: str | None) -> list[str]:
     """The warnings of a drive that was solved with others: rejected on so many of its segments, another log's duplicate
     (None: of no other)."""
-    warnings = with_contradiction(report["warnings"], rejected, report["segments_in_network"])
+    warnings = with_contradiction(remarks_of(report), rejected, report["segments_in_network"])
     return warnings if duplicate_of is None else with_duplicate(warnings, duplicate_of)
 
 
@@ -188,14 +191,12 @@ def with_contradiction(warnings: Sequence[str], rejected: int, segments: int) ->
 
     What an earlier look said of the same goes.
     """
-    others = [said for said in warnings if not said.startswith(_CONTRADICTS)]
+    others = [one for one in warnings if getattr(one, "key", "") != "drive.contradicts"]
     if rejected <= REJECTED_SHARE * segments:
         return others
     return [
         *others,
-        f"{_CONTRADICTS}{rejected} of {segments} segments ({rejected / segments:.0%}) and is rejected there; its "
-        "other segments count. Look whether it was driven on another road beside, whether its clock and its sensors' "
-        "axes are right, and whether the mounting moved.",
+        say("drive.contradicts", n=rejected, segments=segments, share=rejected / segments),
     ]
 
 
@@ -203,8 +204,7 @@ def with_duplicate(warnings: Sequence[str], other: str) -> list[str]:
     """The warnings with that of a drive of which another log, named ``other``, exists."""
     return [
         *warnings,
-        f"This drive is a duplicate of {other}: both go over the same segments at the same times. The other holds more "
-        "measurements and counts; this one adds nothing to the map as long as the other is there.",
+        say("drive.duplicate", other=other),
     ]
 
 
@@ -215,7 +215,8 @@ def _matched_share(track: Track) -> float:
 def _advice(log: DriveLog, cue: str) -> str:
     """How a log of this format can have a cue that it lacks."""
     known = FORMATS.get(log.source_format)  # none of several formats, joined
-    return str(getattr(known, f"{cue}_advice")) if known else _ADVICE[cue]
+    advice: str = getattr(known, f"{cue}_advice") if known else _ADVICE[cue]
+    return advice
 
 
 def _rests_on_terrain(log: DriveLog, result: DriveResult, method: Method, ground: Ground | None) -> bool:
@@ -228,24 +229,17 @@ def _rests_on_terrain(log: DriveLog, result: DriveResult, method: Method, ground
 
 def _lacking(log: DriveLog, method: Method, *, only: bool, computed: bool) -> list[str]:
     """What the log lacks that would have made its slopes surer; a barometer makes up for either."""
-    cues, sentences = cues_of(log), []
+    cues = cues_of(log)
+    sentences: list[str] = []
     if only and method.cues:
-        sentences.append(
-            "The slopes of this drive rest on the elevation model alone, for nothing in the log measures height or "
-            "grade: they are as good as the model, and more such drives do not improve them."
-        )
+        sentences.append(say("drive.terrain_alone"))
     if "barometer" in cues & set(method.cues):
         return sentences
     if "altitude" in method.cues and "altitude" not in cues and not computed:
-        worth = "so its slopes are less sure, and" if "doppler" not in cues else "so"
-        sentences.append(
-            f"The log has no altitudes, {worth} it measures no heights. {_advice(log, 'altitude')}"
-        )
+        key = "drive.no_altitudes" if "doppler" in cues else "drive.no_altitudes_less_sure"
+        sentences.append(say(key, advice=_advice(log, "altitude")))
     if "doppler" in method.cues and "doppler" not in cues:
-        sentences.append(
-            "The log has no vertical Doppler velocity, the strongest cue of slope: with it sigmas become several "
-            f"times smaller. {_advice(log, 'doppler')}"
-        )
+        sentences.append(say("drive.no_doppler", advice=_advice(log, "doppler")))
     return sentences
 
 
@@ -254,10 +248,7 @@ def _never_changing(log: DriveLog) -> list[str]:
     altitude = known_altitudes(log)
     if len(altitude) < FEWEST_ALIKE or np.ptp(altitude):
         return []
-    return [
-        f"All altitudes of the log are {altitude[0]:g} m, so slopes made of them are flat: look whether the device "
-        f"measured them. {_advice(log, 'altitude')}"
-    ]
+    return [say("drive.same_altitudes", altitude=altitude[0], advice=_advice(log, "altitude"))]
 
 
 def _of_terrain(log: DriveLog, dem: Dem | None, ground: Ground | None) -> list[str]:
@@ -266,13 +257,12 @@ def _of_terrain(log: DriveLog, dem: Dem | None, ground: Ground | None) -> list[s
         return []
     if ground.share < PART_COVERED:
         west, south, east, north = log.bounds_deg()
-        place = f"{south:.4f} to {north:.4f} degrees north and {west:.4f} to {east:.4f} degrees east"
-        there = f"There is {_named(dem)}. Give one that covers {place}."
+        place = say("place.box", south=south, north=north, west=west, east=east)
+        there = say("drive.model_there", names=_named(dem), place=place)
         if not ground.share:
-            return [f"{NO_GROUND} {there}"]
+            return [joined([NO_GROUND, there])]
         return [
-            f"The elevation model has heights under {100 * ground.share:.2g} % of the positions only; elsewhere it "
-            f"ends or has voids, and slopes were made without it. {there}",
+            say("drive.ground_in_part", percent=100 * ground.share, there=there),
             *_altitudes_off(log, dem, ground),
         ]
     return _altitudes_off(log, dem, ground)
@@ -280,7 +270,7 @@ def _of_terrain(log: DriveLog, dem: Dem | None, ground: Ground | None) -> list[s
 
 def _named(dem: Dem) -> str:
     rest = len(dem.names) - MOST_NAMED
-    return ", ".join(dem.names[:MOST_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+    return ", ".join(dem.names[:MOST_NAMED]) + (say("more", n=rest) if rest > 0 else "")
 
 
 def _altitudes_off(log: DriveLog, dem: Dem, ground: Ground) -> list[str]:
@@ -300,18 +290,11 @@ def _altitudes_off(log: DriveLog, dem: Dem, ground: Ground) -> list[str]:
     if abs(off) < OFFSET_M:
         return []
     if _spread(height) > LEAST_RELIEF_M and SCALE_GAIN * _spread(altitude * FOOT_M - height) < spread:
-        return [
-            "The log's altitudes rise and fall three times as much as the elevation model: they seem to be in feet. "
-            "Slopes made of them are too steep. Record or convert them to metres and upload the log again."
-        ]
+        return [say("drive.feet")]
     if spread > 0.5 * abs(off):
         return []  # no constant: where the model stands out from itself is said elsewhere
     side = "above" if off > 0 else "below"
-    return [
-        f"The log's altitudes are {abs(off):.0f} m {side} the elevation model (datum {dem.datum}) all along: perhaps "
-        "they are heights above the ellipsoid in a column of altitudes above sea level, or an altimeter was not set. "
-        "Slopes are not affected by a constant offset, but heights are."
-    ]
+    return [say("drive.altitudes_off", off_m=abs(off), side=side, datum=dem.datum)]
 
 
 def _spread(values: Floats) -> float:
@@ -326,8 +309,4 @@ def _nothing_came_out(result: DriveResult) -> list[str]:
     track = result.track
     matched = np.mean(track.segment >= 0)
     spacing = float(np.median(np.diff(track.time_s))) if len(track) > 1 else 0.0
-    return [
-        f"No segment got a slope: {matched:.0%} of the epochs lie on roads, {spacing:.1f} s apart. A slope needs "
-        "several epochs with a height on one segment, at more than walking pace: record at 1 Hz or more, and check "
-        "that the log or the DEM has heights there and that the roads are those that were driven, in their direction."
-    ]
+    return [say("drive.no_slope", share=matched, spacing_s=spacing)]

@@ -19,7 +19,7 @@ MEDIAN_LINES = (100, 250)
 
 DOCSTRING = re.compile(r'(#.*\n)*r?"""[^"]')
 
-GROUND = {"arrays", "types", "signals", "errors", "registry", "options", "frames", "compiled"}
+GROUND = {"arrays", "types", "signals", "errors", "messages", "registry", "options", "frames", "compiled"}
 """What every room of the library stands on: files at its root, beside the pipeline."""
 
 LIBRARY = {

@@ -24,6 +24,7 @@ from app.access.rules import Rule, Rules
 from app.core.caller import NOBODY, SERVICE, STILL_KNOWN, Caller, as_caller
 from app.core.caller import Scope as CallerScope
 from app.core.errors import CrossOriginWriteError, ForbiddenError, ServiceError, UnauthorizedError
+from app.core.messages import say
 from app.core.middleware import CHANGING, EarlyAnswers
 from app.core.problems import database_error, refuse
 from app.core.receiving.clients import PROXIED
@@ -183,21 +184,17 @@ class Gate:
         if rule is Rule.OPEN:
             return None
         if caller is NOBODY and credential is not None and credential.kind == "key":
-            return UnauthorizedError(
-                "The key is none of this service's, or it is revoked or expired. Ask whoever runs the service for one."
-            )
+            return UnauthorizedError(say("access.no_such_key"))
         need = self._need(rule)
         if not caller.may(need):
             if caller is NOBODY:
-                return UnauthorizedError(
-                    "This needs a key. Send one as `Authorization: Bearer vsk_...`, or log in at /login."
-                )
-            return ForbiddenError(f"This needs a key of scope {need}; this one has {caller.scope}.")
+                return UnauthorizedError(say("access.needs_key"))
+            return ForbiddenError(say("access.needs_scope", need=need, scope=caller.scope))
         if credential is not None and credential.kind != "key" and scope["method"] in CHANGING:
             # A browser says where a change comes from. Where nothing is said it may be a page of another site.
             headers = Headers(scope=scope)
             if "origin" not in headers and "sec-fetch-site" not in headers:
-                return CrossOriginWriteError("The browser does not say which page asks for this change.")
+                return CrossOriginWriteError(say("access.which_page"))
         return None
 
 

@@ -23,6 +23,7 @@ from joserfc.errors import JoseError
 from joserfc.jwk import KeySet
 
 from app.core.errors import LoginFailedError
+from app.core.messages import say
 from app.core.settings import Settings
 
 KNOWN_FOR_S = 600.0
@@ -57,9 +58,7 @@ def _understood() -> Iterator[None]:
         yield
     except (httpx.HTTPError, JoseError, KeyError, ValueError, TypeError) as error:
         logger.warning("a login by the provider failed: %s: %s", type(error).__name__, error)
-        raise LoginFailedError(
-            "The provider of logins did not say who it is. Try again, or use a key."
-        ) from error
+        raise LoginFailedError(say("access.who_is_it")) from error
 
 
 class Provider:

@@ -27,6 +27,7 @@ from app.access.quotas import KINDS, OwnQuotas, set_quotas, standing, utc_now
 from app.core.caller import present_caller
 from app.core.errors import BadRequestError, ForbiddenError, TooManyError
 from app.core.http import UNREADABLE_BODY, Service, ServiceDep, existing, problems
+from app.core.messages import say
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
 
@@ -60,7 +61,7 @@ def make_key(request: NewKey, response: Response, service: ServiceDep, origin: O
     """Make a key. Its secret is in the answer and is never told again."""
     caller = present_caller()
     if not caller.may(request.scope):
-        raise ForbiddenError("A key cannot make one that may do more than itself.")
+        raise ForbiddenError(say("access.more_than_itself"))
     if request.expires_at is not None and request.expires_at <= datetime.now(UTC):
         raise BadRequestError.about("expires_at", "that is past already.")
     response.headers["Cache-Control"] = "no-store"
@@ -69,9 +70,7 @@ def make_key(request: NewKey, response: Response, service: ServiceDep, origin: O
         if request.owner is not None:
             owner_id = existing(store.owner_named(session, request.owner), "owner", request.owner).id
         if len(store.list_keys(session, owner_id)) >= MOST_KEYS:
-            raise TooManyError(
-                f"This owner has had {MOST_KEYS} keys, as many as one may. Rotate one of them."
-            )
+            raise TooManyError(say("access.many_keys", most=MOST_KEYS))
         key, secret = store.create_key(session, owner_id, request.label, request.scope, request.expires_at)
         audit.note(session, origin, "key made", f"key {key.id}", scope=key.scope, owner=key.owner)
     return MadeKey(key=Key.of(key), secret=secret)
@@ -112,7 +111,7 @@ def _own_key(session: Session, key_id: uuid.UUID) -> None:
     """Raise unless the caller may change that key: one of its owner's that may do no more than itself."""
     key: store.Key = existing(store.get_key(session, key_id), "key", key_id)
     if not present_caller().may(key.scope):
-        raise ForbiddenError("That key may do more than this one.")
+        raise ForbiddenError(say("access.that_may_more"))
 
 
 @router.get("/owners", summary="The owners", response_model=Owners, responses=problems(401, 403))

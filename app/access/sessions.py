@@ -31,6 +31,7 @@ from app.core.errors import (
     UnauthorizedError,
 )
 from app.core.http import UNREADABLE_BODY, BaseUrl, Service, ServiceDep, problems
+from app.core.messages import say
 from app.core.receiving.clients import present_client
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
@@ -88,7 +89,7 @@ async def log_in(
     """Begin a session by a key or by a link that is good once; the answer sets its cookie."""
     _logins(request).count()
     if (login.key is None) == (login.link is None):
-        raise BadRequestError("Send either a key or a link.", field="key")
+        raise BadRequestError(say("access.key_or_link"), field="key")
     with as_caller(SERVICE):
         caller = await run_in_threadpool(_caller_of, service, login)
         known, secret = await run_in_threadpool(_begin, service, caller, origin)
@@ -130,7 +131,7 @@ async def go_to_provider(
     """Send a browser to the provider that VERSANT_OIDC_ISSUER names; it comes back to `/v1/session/oidc/done`."""
     logins = _logins(request)
     if logins.provider is None:
-        raise NotFoundError("This service has no provider of logins (VERSANT_OIDC_ISSUER). Log in by a key.")
+        raise NotFoundError(say("access.no_provider"))
     logins.count()
     attempt = Attempt.new()
     address = await run_in_threadpool(logins.provider.address, attempt, _redirect_uri(base))
@@ -158,12 +159,12 @@ async def come_back(
     """Begin a session of the owner that the provider names; a failure leads to the page for logging in."""
     provider = _logins(request).provider
     if provider is None:
-        raise NotFoundError("This service has no provider of logins (VERSANT_OIDC_ISSUER). Log in by a key.")
+        raise NotFoundError(say("access.no_provider"))
     cookie = f"{cookie_name(request.scope)}-login"
     parts = request.cookies.get(cookie, "").split(".", 3)
     try:
         if len(parts) != 4 or not code or not secrets.compare_digest(parts[0].encode(), state.encode()):
-            raise LoginFailedError("This login did not begin in this browser, or took too long. Begin anew.")
+            raise LoginFailedError(say("access.other_browser"))
         claims = await run_in_threadpool(provider.claims, Attempt(*parts[:3]), code, _redirect_uri(base))
         with as_caller(SERVICE):
             caller = await run_in_threadpool(_caller_named, service, claims)
@@ -214,7 +215,7 @@ def _caller_of(service: Service, login: Login) -> Caller:
     if known is None:
         raise UnauthorizedError(wrong)
     if not known.caller.may("own"):
-        raise ForbiddenError("This key may only send drives. Log in with one of scope own or operate.")
+        raise ForbiddenError(say("access.may_only_send"))
     return known.caller
 
 
@@ -223,13 +224,13 @@ def _caller_named(service: Service, claims: dict[str, Any]) -> Caller:
     settings = service.settings
     name, roles = claims.get(settings.oidc_owner_claim), claims.get(settings.oidc_role_claim, ())
     if not isinstance(name, str) or not store.OWNER_NAME.fullmatch(name.strip()):
-        raise LoginFailedError(f"The provider says nothing usable of {settings.oidc_owner_claim}.")
+        raise LoginFailedError(say("access.nothing_usable", claim=settings.oidc_owner_claim))
     held = {roles} if isinstance(roles, str) else set(map(str, roles)) if isinstance(roles, list) else set()
     operates = settings.oidc_operate_role is not None and settings.oidc_operate_role in held
     with service.sessions.begin() as session:
         caller = store.caller_named(session, name.strip(), operates=operates)
     if caller is None:
-        raise LoginFailedError("Only whoever operates the service is the operator's owner.")
+        raise LoginFailedError(say("access.operators_owner"))
     return caller
 
 
@@ -241,7 +242,7 @@ def _begin(service: Service, caller: Caller, origin: str) -> tuple[store.Known, 
         audit.note(session, origin, "logged in", f"owner {caller.owner_id}", by=with_key)
         known = store.by_session(session, secret)
     if known is None:
-        raise UnauthorizedError("The key was revoked just now.")
+        raise UnauthorizedError(say("access.revoked_now"))
     return known, secret
 
 

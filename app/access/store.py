@@ -19,6 +19,7 @@ from sqlalchemy.orm import Session
 
 from app.core.caller import OPERATOR_OWNER, Caller, Scope, present_caller
 from app.core.errors import ConflictError, UnauthorizedError
+from app.core.messages import say
 
 KEY_PREFIX = "vsk_"
 """By it those who look for secrets in published code find a key."""
@@ -162,7 +163,7 @@ def get_owner(session: Session, owner_id: int) -> Owner | None:
 def create_owner(session: Session, name: str) -> Owner:
     """Make an owner; ``ConflictError`` where there is one of that name."""
     if session.execute(_CREATE_OWNER, {"name": name}).first() is None:
-        raise ConflictError(f"There is an owner of the name {name} already.", field="name")
+        raise ConflictError(say("access.owner_exists", name=name), field="name")
     made = owner_named(session, name)
     assert made is not None  # noqa: S101 - just made
     return made
@@ -179,7 +180,7 @@ def hold_owner(session: Session) -> None:
     What is then made of the owner's is there when its removal begins, and goes with it.
     """
     if session.execute(_HOLD_OWNER).first() is None:
-        raise UnauthorizedError("The owner of this key was removed meanwhile, with all that it had.")
+        raise UnauthorizedError(say("access.owner_removed"))
 
 
 def own_id() -> int:

@@ -25,6 +25,7 @@ from sqlalchemy.orm import Session, sessionmaker
 
 from app.core.db import Bounds, Sessions
 from app.core.errors import BadQueryError, GoneError, NotReadyError
+from app.core.messages import say
 from app.network.locks import own_network
 
 Moment = int
@@ -107,7 +108,7 @@ def state(session: Session) -> State:
     if current is None and begin_epoch(sessionmaker(session.get_bind()), MOST_AT_ONCE) is not None:
         current = _state(session)
     if current is None:  # much to do, or a snapshot from before
-        raise NotReadyError("The database was restored, and a worker prepares it. Try again in a moment.")
+        raise NotReadyError(say("service.restored"))
     return current
 
 

@@ -19,6 +19,7 @@ import httpx
 from app.access.folder import KEY_FORM
 from app.core.settings.access import is_loopback
 from fusion.errors import FusionError
+from fusion.messages import with_key
 
 if TYPE_CHECKING:
     from fusion.types import Progress
@@ -81,7 +82,9 @@ class RemoteDrive:
     def read(cls, document: dict[str, Any]) -> Self:
         """Build from the drive's JSON document."""
         failure = document.get("failure")
-        reason = failure.get("reason") if isinstance(failure, dict) else document.get("failure_reason")
+        reason = document.get("failure_reason")
+        if isinstance(failure, dict) and failure.get("reason"):
+            reason = with_key(failure["reason"], failure.get("said"))
         progress = float(document.get("progress") or 0.0)
         return cls(
             str(document["id"]), str(document["status"]), document.get("stage"), progress, reason, document

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import logging
 import math
+import os
+import re
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -25,6 +27,7 @@ from rich.progress import (
 from rich.table import Table
 
 from app.core.text import whole_file
+from fusion.messages import message_of, term, text_in
 
 if TYPE_CHECKING:
     from fusion.types import Progress as ProgressCall
@@ -44,22 +47,22 @@ class Console:
     def note(self, text: str) -> None:
         """A remark for a person, on standard error."""
         if not self.quiet:
-            typer.echo(text, err=True)
+            typer.echo(spoken(text), err=True)
 
     def warn(self, name: str, warnings: Iterable[str]) -> None:
         """Say on standard error what a person should know of a log, or without a name of all that was given."""
-        for warning in warnings:
+        for warning in map(spoken, warnings):
             typer.echo(f"{name}: {_one_line(warning)}" if name else _one_line(warning), err=True)
 
     def complain(self, text: str) -> None:
         """Say on standard error what went wrong, in one line."""
-        typer.echo(f"versant: {_one_line(text)}", err=True)
+        typer.echo(f"versant: {_one_line(spoken(text))}", err=True)
 
     def complain_of(self, path: Path | str, error: BaseException) -> str:
         """Complain of one file among several; returns the reason. The file is named once."""
         reason = sentence(error)
         named = isinstance(error, OSError) and error.filename
-        self.complain(reason if named else f"{path}: {reason}")
+        self.complain(reason if named else f"{path}: {spoken(reason)}")
         return reason
 
     def table(
@@ -121,7 +124,7 @@ class Bars:
     def work(self, name: str) -> ProgressCall:
         """A new bar, driven by ``Progress`` calls, which count from 0 to 1 over all of the work (``part_of``)."""
         task = self._bars.add_task(name, total=1.0, stage="")
-        return lambda stage, share: self._bars.update(task, completed=share, stage=stage)
+        return lambda stage, share: self._bars.update(task, completed=share, stage=spoken_term(stage))
 
     def count(self, name: str, total: int) -> Callable[[int], None]:
         """A new bar over ``total`` units; call it with how many more are done."""
@@ -200,7 +203,7 @@ def _finite(value: Any) -> Any:
 def sentence(error: BaseException) -> str:
     """One line that says what went wrong, without a traceback."""
     if type(error).__module__.split(".")[0] in {"app", "fusion"}:  # our own errors speak for themselves
-        return _one_line(str(error))
+        return _one_line(message_of(error))
     if isinstance(error, OSError) and error.strerror:
         where = f"{error.filename}: " if error.filename else ""
         return _one_line(f"{where}{error.strerror}.")
@@ -211,4 +214,28 @@ def sentence(error: BaseException) -> str:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split())
+    line = " ".join(text.split())
+    return text if line == text else line  # one with a key keeps it
+
+
+def language() -> str:
+    """The language of messages in the person's locale, by the rules of POSIX; English but for German."""
+    locale = next((one for name in ("LC_ALL", "LC_MESSAGES", "LANG") if (one := os.environ.get(name))), "")
+    return "de" if re.match(r"de(?:_|\.|$)", locale) else "en"
+
+
+def spoken(text: str) -> str:
+    """A sentence of the program in the person's language."""
+    return text if language() == "en" else text_in(_with_words(), text)
+
+
+def spoken_term(text: str) -> str:
+    """A fixed word of the program, such as a stage, in the person's language."""
+    return text if language() == "en" else term(_with_words(), text)
+
+
+def _with_words() -> str:
+    """The person's language, with the service's words loaded."""
+    import app.core.messages  # noqa: F401 - adds its catalogues
+
+    return language()

@@ -13,6 +13,7 @@ from app.cli.console import part_of
 from app.cli.options import LogFiles
 from app.exports.writing.solved import segments_of
 from app.map.segment import Segment
+from fusion.messages import with_remarks
 from fusion.methods.base import Options
 from fusion.network.control import ControlPoint
 from fusion.network.unknowns import knot_positions
@@ -120,5 +121,5 @@ def agreement(solution: Solution, outcomes: Sequence[dict[str, Any]]) -> None:
     for k, (outcome, rejected) in enumerate(zip(outcomes, solution.rejected, strict=True)):
         report, duplicate = outcome["report"], solution.duplicates.get(k)
         name = None if duplicate is None else outcomes[duplicate]["file"]
-        report["warnings"] = with_agreement(report, rejected, name)
+        report.update(with_remarks({}, with_agreement(report, rejected, name)))
         report["rejected_segments"] = outcome["rejected_segments"] = rejected

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from app.cli.console import Console, write_json
+from app.cli.console import Console, spoken, write_json
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
 
 if TYPE_CHECKING:
@@ -120,9 +120,9 @@ def _change_roads(
         if not dry_run:
             queue_touched(factory)
     seconds = time.perf_counter() - started
-    typer.echo(f"{what}: {summary(counts)} in {seconds:.1f} s.")
+    typer.echo(f"{what}: {spoken(summary(counts))} in {seconds:.1f} s.")
     for line in remarks(counts):
-        typer.echo(line)
+        typer.echo(spoken(line))
     figures = {**asdict(counts), "segments": counts.segments, "seconds": round(seconds, 3)}
     write_json(json_file, {"file": what, **figures})
 

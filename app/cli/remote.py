@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import app.cli.options as cli
-from app.cli.console import Bars, Console, write_json
+from app.cli.console import Bars, Console, spoken, write_json
 from fusion.errors import FusionError
+from fusion.messages import remarks_of
 
 if TYPE_CHECKING:
     from app.cli.client import Client, RemoteDrive, Sent
@@ -172,7 +173,7 @@ class Upload:
             "reason": self.reason,
             "waits_for": self.waits_for,
             "summary": summary(self.name, self.report) if self.report else None,
-            "warnings": list(self.report.get("warnings", ())),
+            "warnings": remarks_of(self.report),
             "address": link_of(document, "self"),
             "profile": link_of(document, "profile", "image/png") if self.report else None,
         }
@@ -246,10 +247,11 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
 
 def _tell_failed(one: Upload, console: Console) -> None:
     """Say why nothing came of a drive; that it waits for something is no complaint."""
+    reason = spoken(one.reason or one.status)
     if one.waits_for:
-        console.warn(one.name, [f"{shown_status('failed', one.waits_for)}. {one.reason}"])
+        console.warn(one.name, [f"{shown_status('failed', one.waits_for)}. {reason}"])
     else:
-        console.complain(f"{one.name}: {one.reason or one.status}")
+        console.complain(f"{one.name}: {reason}")
 
 
 def _tell(one: Upload, console: Console) -> None:

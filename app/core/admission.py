@@ -18,6 +18,7 @@ from urllib.parse import unquote_plus
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.errors import BusyError
+from app.core.messages import say
 from app.core.middleware import FOR_PROBES, UPLOAD_PATHS
 from app.core.problems import refuse
 from app.core.receiving.clients import Shares, present_client
@@ -94,9 +95,7 @@ class RequestClass:
 
     async def _turn(self, client: str) -> None:
         if not self._waiting.allows(client):
-            raise BusyError(
-                f"{self._waiting.total} requests of this kind wait already. Try again in a moment."
-            )
+            raise BusyError(say("service.many_wait", n=self._waiting.total))
         turn = asyncio.get_running_loop().create_future()
         self._turns.setdefault(client, deque()).append(turn)
         self._waiting.take(client)
@@ -107,9 +106,7 @@ class RequestClass:
             if turn.done() and not turn.cancelled():  # both happened at once
                 self._leave(client)
             if isinstance(error, TimeoutError):
-                raise BusyError(
-                    f"Other requests of this kind took more than {self._longest_wait_s:g} s. Try again in a moment."
-                ) from None
+                raise BusyError(say("service.slow", wait_s=self._longest_wait_s)) from None
             raise
         finally:
             self._waiting.give_back(client)

@@ -39,6 +39,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
+from app.core.messages import say
 from fusion import errors as fusion
 
 PROBLEM_PATH = "/problems/"
@@ -71,7 +72,7 @@ class ServiceError(Exception):
     @classmethod
     def about(cls, field: str, reason: str) -> Self:
         """The error that ``field`` is at fault, which begins with its name."""
-        return cls(f"{field}: {reason}", field=field)
+        return cls(say("about", field=field, reason=reason), field=field)
 
 
 class NotFoundError(ServiceError):

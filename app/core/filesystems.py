@@ -19,6 +19,7 @@ from fsspec.implementations.local import LocalFileSystem
 
 from app.core import durable
 from app.core.errors import StorageFullError
+from app.core.messages import say
 from app.core.settings import SettingsError
 
 _BUCKETS = frozenset({"s3", "s3a"})
@@ -117,7 +118,4 @@ def full_is_told() -> Iterator[None]:
 
 def storage_full() -> StorageFullError:
     """The error where there is no room."""
-    return StorageFullError(
-        "The service's storage is full, so nothing of this upload was kept. Send it again later; whoever runs the "
-        "service has to make room first (/readyz says how much there is)."
-    )
+    return StorageFullError(say("service.storage_full"))

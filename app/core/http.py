@@ -5,7 +5,7 @@ Knows no route.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -23,6 +23,7 @@ from app.core.admission import RequestClass
 from app.core.blobs import BlobStore
 from app.core.db import Bounds, Sessions
 from app.core.disconnects import ending_with_client
+from app.core.messages import say
 from app.core.problems import PROBLEM_JSON
 from app.core.settings import Settings
 from app.core.standby.use import Standby, from_standby
@@ -133,7 +134,7 @@ def geojson_response(document: Mapping[str, Any], headers: dict[str, str] | None
 def existing(row: Any, what: str, key: object) -> Any:
     """``row``, or ``NotFoundError`` when it is None."""
     if row is None:
-        raise errors.NotFoundError(f"There is no {what} {key}. It may have been deleted.")
+        raise errors.NotFoundError(say("service.not_there", what=what, name=key))
     return row
 
 
@@ -161,37 +162,6 @@ def unless_known(
     return not_modified(request, headers) or Response(
         content, media_type=media_type, headers={**headers, **more}
     )
-
-
-def preferred(accept: str | None, offered: Sequence[str]) -> str | None:
-    """The media type of ``offered`` that the Accept header likes best, the first of equals; None: none.
-
-    At equal weight a type that is named beats one that only a wildcard covers, which is what a browser's
-    header for pictures means.
-    """
-    if not accept or not accept.strip():
-        return offered[0]
-    ranges = [_parsed(item) for item in accept.split(",") if item.strip()]
-    best = max(offered, key=lambda media_type: _rank(media_type, ranges))
-    return best if _rank(best, ranges)[0] > 0 else None
-
-
-def _rank(media_type: str, ranges: list[tuple[str, float]]) -> tuple[float, int]:
-    """(weight, how exactly it is named) by the most specific range that covers the type."""
-    wildcard = media_type.split("/", maxsplit=1)[0] + "/*"
-    exactness = {media_type: 3, wildcard: 2, "*/*": 1}
-    matches = [(exactness[name], weight) for name, weight in ranges if name in exactness]
-    specific, weight = max(matches, default=(0, 0.0))
-    return (weight, specific)
-
-
-def _parsed(item: str) -> tuple[str, float]:
-    name, *parameters = (part.strip().lower() for part in item.split(";"))
-    weight = next((p[2:] for p in parameters if p.startswith("q=")), "1")
-    try:
-        return name, min(max(float(weight), 0.0), 1.0)
-    except ValueError:
-        return name, 0.0
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:

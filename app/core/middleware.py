@@ -23,6 +23,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.disconnects import has_body
 from app.core.errors import CrossOriginWriteError, UnknownHostError
+from app.core.messages import say
 from app.core.problems import refuse
 from app.core.settings import Settings
 
@@ -211,10 +212,7 @@ class KnownHosts:
             for host in Headers(scope=scope).getlist("host"):
                 if not self._is_known(host, scope):
                     name = host if host.isprintable() else repr(host)
-                    error = UnknownHostError(
-                        f"This service is not known as {name[:100]}. Ask for it by its own address, or name that host "
-                        "in VERSANT_ALLOWED_HOSTS (or VERSANT_PUBLIC_URL) where the service is started."
-                    )
+                    error = UnknownHostError(say("service.unknown_host", name=name[:100]))
                     await refuse(error, scope, receive, send)
                     return
         await self.app(scope, receive, send)

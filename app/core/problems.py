@@ -33,7 +33,10 @@ from app.core.errors import (
     ServiceError,
     kind_of,
 )
+from app.core.messages import Said, say
+from app.core.text import language_of
 from fusion.errors import FusionError
+from fusion.messages import message_of, term, text_in
 
 PROBLEM_JSON = "application/problem+json"
 RETRY_AFTER_S = 5
@@ -55,6 +58,7 @@ class Problem(BaseModel):
     detail: str = Field(description="What is wrong in this request and what to do about it.")
     instance: str = Field(description="The path that was asked for.")
     errors: list[FieldError] = Field(default=[], description="The fields or lines at fault, as far as known.")
+    said: Said | None = Field(None, description="`detail` by its key; missing where it has none.")
 
 
 def install_error_handlers(app: FastAPI) -> None:
@@ -81,27 +85,35 @@ def problem_response(
     headers: Mapping[str, str] | None = None,
 ) -> JSONResponse:
     """The problem document as a response."""
-    problem = problem_document(kind, detail, request.url.path, errors)
+    language = language_of(request.headers.get("accept-language", ""))
+    problem = problem_document(kind, detail, request.url.path, errors, language)
+    spoken = {} if language == "en" else {"Content-Language": language, "Vary": "Accept-Language"}
     again = kind.status == 503 or kind is KINDS[NotDoneError]
     waiting = {"Retry-After": str(RETRY_AFTER_S)} if again else {}
-    return JSONResponse(problem.model_dump(), kind.status, {**waiting, **(headers or {})}, PROBLEM_JSON)
+    document = problem.model_dump(exclude={"said"} if problem.said is None else None)
+    return JSONResponse(document, kind.status, {**waiting, **spoken, **(headers or {})}, PROBLEM_JSON)
 
 
 async def refuse(error: ServiceError, scope: Scope, receive: Receive, send: Send, **headers: str) -> None:
     """Answer a request by an error that was found out before any route was asked."""
-    answer = problem_response(Request(scope), kind_of(error), str(error), headers=headers)
+    answer = problem_response(Request(scope), kind_of(error), message_of(error), headers=headers)
     await answer(scope, receive, send)
 
 
-def problem_document(kind: Kind, detail: str, instance: str, errors: Sequence[FieldError] = ()) -> Problem:
-    """The document, which repeats no more than so much of a request."""
+def problem_document(
+    kind: Kind, detail: str, instance: str, errors: Sequence[FieldError] = (), language: str = "en"
+) -> Problem:
+    """The document, which repeats no more than so much of a request; its sentences in ``language`` as far as known."""
+    told = text_in(language, detail)
+    named = [(one.field, told if one.message == detail else one.message) for one in errors[:MOST_ERRORS]]
     return Problem(
         type=PROBLEM_PATH + kind.slug,
-        title=kind.title,
+        title=term(language, kind.title),
         status=kind.status,
-        detail=_cut(detail),
+        detail=_cut(told),
         instance=instance[:MOST_REPEATED],
-        errors=[FieldError(field=_cut(one.field), message=_cut(one.message)) for one in errors[:MOST_ERRORS]],
+        errors=[FieldError(field=_cut(field), message=_cut(message)) for field, message in named],
+        said=Said.of(detail) if len(detail) <= MOST_REPEATED else None,
     )
 
 
@@ -114,13 +126,13 @@ def _cut(text: str) -> str:
 async def service_error(request: Request, error: Exception) -> JSONResponse:
     """The answer to an error of the service's own."""
     errors, headers = (error.errors, error.headers) if isinstance(error, ServiceError) else ((), {})
-    return problem_response(request, kind_of(error), str(error), errors, headers)
+    return problem_response(request, kind_of(error), message_of(error), errors, headers)
 
 
 async def _fusion_error(request: Request, error: Exception) -> JSONResponse:
     where = getattr(error, "where", None)
     errors = [FieldError(field=where, message=str(error))] if where else []
-    return problem_response(request, kind_of(error), str(error), errors)
+    return problem_response(request, kind_of(error), message_of(error), errors)
 
 
 async def database_error(request: Request, error: Exception) -> JSONResponse:
@@ -138,10 +150,10 @@ async def _http_error(request: Request, error: Exception) -> JSONResponse:
         error.status_code, "http-error", HTTPStatus(error.status_code).phrase, "The request was refused."
     )
     detail = {
-        400: "The body cannot be read. Send JSON in UTF-8.",
-        404: f"There is nothing at {request.url.path}. The landing page / lists what there is.",
-        405: f"{request.method} is not possible here. The Allow header lists what is.",
-    }.get(error.status_code, str(error.detail))
+        400: say("service.no_json"),
+        404: say("service.nothing_at", path=request.url.path),
+        405: say("service.method", method=request.method),
+    }.get(error.status_code) or str(error.detail)
     headers = dict(error.headers or {})
     if error.status_code == 405:  # the framework names the methods of the first route that fits, not of all
         headers["Allow"] = ", ".join(_methods_at(request.app, request.url.path))
@@ -186,7 +198,7 @@ def _field_error(item: Mapping[str, Any]) -> FieldError:
 async def _internal_error(request: Request, error: Exception) -> JSONResponse:
     # Starlette raises the error again after this answer: the server logs it with its traceback and then closes
     # the connection. An answer that does not say so would invite the next request onto it, which is then reset.
-    detail = "The service failed on this request. The fault is in its log; trying again may help."
+    detail = say("service.failed")
     return problem_response(request, KINDS[Exception], detail, headers={"Connection": "close"})
 
 

@@ -16,6 +16,7 @@ from fastapi import Request
 
 from app.core.db import Bounds
 from app.core.errors import BadQueryError, BadRequestError
+from app.core.messages import say
 
 THIN_DEG = 1e-9
 """0.1 mm, a hundredth of the resolution of coordinates."""
@@ -46,7 +47,7 @@ def parse_cursor(text: str, most: int = 2**128 - 1) -> tuple[datetime, int]:
         return _EPOCH + timedelta(microseconds=moment_us), value
     except (ValueError, OverflowError):
         raise BadRequestError(
-            "after: this is no place in the list. Take it from a next link, or begin again without after.",
+            say("query.after"),
             field="after",
         ) from None
 

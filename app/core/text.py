@@ -5,13 +5,16 @@ from __future__ import annotations
 import errno
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import PlainSerializer
+
+from fusion.messages import LANGUAGES
 
 GEO_JSON = "application/geo+json"
 
@@ -133,3 +136,40 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise
     finally:
         partial.unlink(missing_ok=True)
+
+
+def preferred(accept: str | None, offered: Sequence[str]) -> str | None:
+    """The media type of ``offered`` that the Accept header likes best, the first of equals; None: none.
+
+    At equal weight a type that is named beats one that only a wildcard covers, which is what a browser's
+    header for pictures means.
+    """
+    if not accept or not accept.strip():
+        return offered[0]
+    ranges = [_parsed(item) for item in accept.split(",") if item.strip()]
+    best = max(offered, key=lambda media_type: _rank(media_type, ranges))
+    return best if _rank(best, ranges)[0] > 0 else None
+
+
+def language_of(accepted: str) -> str:
+    """The language that an Accept-Language header likes best; English where it likes none."""
+    without_countries = re.sub(r"(?<=[a-z])-\w+", "", accepted.lower())
+    return preferred(without_countries, LANGUAGES) or LANGUAGES[0]
+
+
+def _rank(media_type: str, ranges: list[tuple[str, float]]) -> tuple[float, int]:
+    """(weight, how exactly it is named) by the most specific range that covers the type."""
+    wildcard = media_type.split("/", maxsplit=1)[0] + "/*"
+    exactness = {media_type: 3, wildcard: 2, "*/*": 1}
+    matches = [(exactness[name], weight) for name, weight in ranges if name in exactness]
+    specific, weight = max(matches, default=(0, 0.0))
+    return (weight, specific)
+
+
+def _parsed(item: str) -> tuple[str, float]:
+    name, *parameters = (part.strip().lower() for part in item.split(";"))
+    weight = next((p[2:] for p in parameters if p.startswith("q=")), "1")
+    try:
+        return name, min(max(float(weight), 0.0), 1.0)
+    except ValueError:
+        return name, 0.0

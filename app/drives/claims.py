@@ -20,7 +20,7 @@ from sqlalchemy.orm import Session
 
 from app.access.quotas import count_records
 from app.core.db import Bounds, plain_text
-from app.core.telemetry.logs import reason_text
+from app.core.telemetry.logs import reason_text, said_of_failure
 from app.core.version import code_version
 from app.drives.documents import Drive
 from app.drives.store import changed, get_drive, json_text
@@ -44,7 +44,7 @@ _CLAIM = text("""
 """)
 _FAILED = """
     status = 'failed', stage = :stage, failure_kind = :kind, failure_reason = :reason, failure_where = :where,
-    failure_version = :version, finished_at = clock_timestamp()
+    failure_said = CAST(:said AS jsonb), failure_version = :version, finished_at = clock_timestamp()
 """
 # Also of a drive that then finds no roads: by it new ones find the drive.
 _BOUNDS = "bounds = ST_MakeEnvelope(:west, :south, :east, :north, 4326)"
@@ -61,7 +61,7 @@ _SET_PUBLISHING = text(
     f"""
     UPDATE drives
     SET stage = 'publishing', progress = :progress, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
-        report = CAST(:report AS jsonb), {_BOUNDS},
+        failure_said = NULL, report = CAST(:report AS jsonb), {_BOUNDS},
         epochs = :epochs, distance_m = :distance_m, drive_time = :drive_time, computed_at = clock_timestamp()
     WHERE id = :id
     """  # noqa: S608 - a constant
@@ -156,6 +156,8 @@ def mark_failed(
     """End a running drive as failed; what an earlier run published stays. False: no longer this worker's."""
     texts = {"stage": stage, "reason": reason, "where": where}
     values = {name: reason_text(value) for name, value in texts.items()}
+    said = said_of_failure(reason, where)
+    values["said"] = None if said is None else json_text(said)
     return _write(session, drive_id, generation, _FAILED, {"kind": kind, "version": code_version(), **values})
 
 

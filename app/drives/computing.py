@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.core.db import Bounds
+from app.core.messages import say
 from app.core.telemetry.events import Stages
-from app.core.telemetry.logs import blanked, tell
+from app.core.telemetry.logs import tell
 from app.core.version import code_version
 from app.drives.documents import Drive
 from app.drives.log_facts import LogFacts
@@ -32,6 +33,7 @@ from app.terrain.store import DemSet
 from fusion.errors import FusionError, NoMatchError
 from fusion.formats import read_log
 from fusion.gnss.positioning import Positioned
+from fusion.messages import Message, message_of
 from fusion.methods.base import DriveResult
 from fusion.pipeline import MIN_FIXES, parse_options, positions_of, road_boxes, run_drive
 from fusion.roads.table import RoadTable, rows_of
@@ -192,10 +194,7 @@ def compute(
             if save(computed):
                 return computed
         tell(logger, "drive estimated again", reason="the roads were imported anew meanwhile")
-    raise ProcessingError(
-        f"The roads around this drive changed {MAX_ROAD_CHANGES} times while it was processed. "
-        "Ask for it again when the import is over."
-    )
+    raise ProcessingError(say("processing.roads_changed", n=MAX_ROAD_CHANGES))
 
 
 def read_drive(
@@ -205,9 +204,7 @@ def read_drive(
     try:
         file = context.blobs.open(blob_key)
     except FileNotFoundError as error:
-        raise ProcessingError(
-            "The uploaded file is no longer in the service's storage. Delete the drive and upload it again."
-        ) from error
+        raise ProcessingError(say("processing.file_lost")) from error
     with file:
         return read_log(file, columns=columns, max_bytes=context.settings.max_log_bytes, progress=progress)
 
@@ -221,21 +218,15 @@ def surroundings_of(context: JobContext, boxes_deg: Floats) -> Surroundings:
         if version is None:
             low, high = boxes_deg.min(axis=0).tolist(), boxes_deg.max(axis=0).tolist()
             wanted = extract_words((low[0], low[1], high[2], high[3]))
-            raise NoRoadsError(
-                f"No roads have been imported yet. The drive waits for them: import {wanted} "
-                "(`versant import-roads FILE`), and it is computed by itself."
-            )
+            raise NoRoadsError(say("processing.no_roads", wanted=wanted))
         roads = roads_in(session, boxes_deg)
         return Surroundings(roads, version.id, dem.current_dem(session, context.dem_dir))
 
 
-def _none_there(box: Bounds) -> str:
+def _none_there(box: Bounds) -> Message:
     west, south, east, north = box
-    return (
-        f"No roads are imported where it was driven, between {south:.5f} and {north:.5f} degrees north and between "
-        f"{west:.5f} and {east:.5f} degrees east. The drive waits for them: import {extract_words(box)}, and it is "
-        "computed by itself. If it was elsewhere, check the log's coordinates (latitude and longitude swapped?)."
-    )
+    wanted = extract_words(box)
+    return say("processing.no_roads_there", south=south, north=north, west=west, east=east, wanted=wanted)
 
 
 def estimate(
@@ -261,15 +252,12 @@ def estimate(
 def failure_of(error: Exception, what: str, number: uuid.UUID, stage: str) -> Failure:
     """What is said of an error in a run of ``what`` (drive, trial); what is the service's fault is logged as well."""
     if isinstance(error, FusionError):
-        return Failure(error.kind, blanked(str(error)), error.where, stage)
+        return Failure(error.kind, message_of(error), error.where, stage)
     if isinstance(error, MemoryError):
         logger.error("%s %s: out of memory in stage %s", what, number, stage, exc_info=error)
         memory.forget(error)
-        reason = f"The drive needs {memory.MORE_MEMORY}. Split the log into shorter drives."
+        reason = say("processing.drive_needs_memory", more=memory.MORE_MEMORY)
         return Failure("out-of-memory", reason, stage=stage)
     logger.error("%s %s failed unexpectedly in stage %s", what, number, stage, exc_info=error)
-    reason = (
-        f"Processing failed in stage '{stage}' by a fault of the service, not of the log "
-        f"({type(error).__name__}). It is in the worker's log under the {what}'s id; ask the operator."
-    )
+    reason = say("processing.fault_in_stage", stage=stage, error=type(error).__name__, what=what)
     return Failure("internal", reason, stage=stage)

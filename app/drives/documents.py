@@ -18,12 +18,14 @@ from app.core.caller import present_caller
 from app.core.db import Bounds
 from app.core.errors import LogDeletedError
 from app.core.http import EXAMPLE_ID, Link, link
+from app.core.messages import SAID, Said, said_in, say
 from app.core.tables import DRIVE_STATUSES
 from app.core.text import GEO_JSON, Moment
 from app.drives.remaining import remaining_s
 from app.network.cells import cell_name
 from app.network.rejections import Rejections
 from app.roads.named_extracts import NO_ROADS, extracts_over
+from fusion.messages import remarks_of, with_remarks
 from fusion.report import with_contradiction, with_duplicate
 
 EXAMPLE_DRIVE = f"http://127.0.0.1:8000/v1/drives/{EXAMPLE_ID}"
@@ -74,6 +76,8 @@ class Failure(BaseModel):
     reason: str = Field(description="What is wrong and what to do about it.")
     stage: str | None = Field(description="What the worker was doing.")
     where: str | None = Field(description="The line, byte or field at fault, as far as known.")
+    said: Said | None = Field(None, description=f"The reason by its key; {SAID}")
+    where_said: Said | None = Field(None, description="The same of where.")
 
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Failure | None:
@@ -82,9 +86,10 @@ class Failure(BaseModel):
             return None
         return cls(
             kind=columns["failure_kind"] or "unknown",
-            reason=columns["failure_reason"] or "No reason was recorded. Process the drive again.",
+            reason=columns["failure_reason"] or say("drive.no_reason"),
             stage=columns["stage"],
             where=columns["failure_where"],
+            **said_in(columns),
         )
 
 
@@ -176,10 +181,7 @@ class Drive(
     def require_log(self) -> None:
         """``LogDeletedError`` where it was deleted."""
         if self.log_deleted_at is not None:
-            raise LogDeletedError(
-                f"The log of drive {self.id} was deleted, for its owner keeps logs no longer. What was computed of it "
-                "stays, and is not computed again. To have it computed anew, remove the drive and upload its log."
-            )
+            raise LogDeletedError(say("drives.log_deleted", id=self.id))
 
     # The service's own, in no document.
     owner_id: int = Field(exclude=True)
@@ -219,22 +221,18 @@ def _as_it_is_now(
     if report is None:
         return None
     segments, rejected = rejections or Rejections(0, 0)
-    warnings = with_contradiction(report.get("warnings", ()), rejected, segments)
+    warnings = with_contradiction(remarks_of(report), rejected, segments)
     if duplicate_of is not None:
         warnings = with_duplicate(warnings, str(duplicate_of))
     if unsolved:
         warnings.append(_unsolved_warning(unsolved))
-    return {**report, "rejected_segments": rejected, "warnings": warnings}
+    return with_remarks({**report, "rejected_segments": rejected}, warnings)
 
 
 def _unsolved_warning(unsolved: Sequence[str]) -> str:
     """That something of the drive is not on the map."""
-    more = f" and {len(unsolved) - MOST_NAMED} more" if len(unsolved) > MOST_NAMED else ""
-    return (
-        f"Its slopes in some cells of the map ({', '.join(unsolved[:MOST_NAMED])}{more}) are not published yet: "
-        "solving these cells has failed. Workers retry automatically, at least once an hour; their log says why it "
-        "fails. To retry at once, delete a drive that lies there or process it again."
-    )
+    more = say("more", n=len(unsolved) - MOST_NAMED) if len(unsolved) > MOST_NAMED else ""
+    return say("drive.unsolved", cells=list(unsolved[:MOST_NAMED]), more=more)
 
 
 class DrivePlace(NamedTuple):
@@ -332,7 +330,7 @@ def _without_duplicate(drive: Drive) -> Drive:
     report = drive.report
     if report is not None and drive.duplicate_of is not None:
         told = with_duplicate((), str(drive.duplicate_of))
-        report = {**report, "warnings": [one for one in report["warnings"] if one not in told]}
+        report = with_remarks(report, [one for one in remarks_of(report) if one not in told])
     return drive.model_copy(update={"duplicate_of": None, "same_as": None, "report": report})
 
 

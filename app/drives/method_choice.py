@@ -10,6 +10,7 @@ from fastapi import Query
 from pydantic import BaseModel, Field
 
 from app.core.errors import BadRequestError
+from app.core.messages import say
 from app.core.settings import Settings
 from fusion.errors import BadOptionsError
 from fusion.registry import DEFAULT_METHOD, METHOD_NAMES, RequestMost, check_columns, unknown_name
@@ -79,7 +80,7 @@ def asked_columns(columns: Sequence[str]) -> dict[str, Any]:
         ours, equals, theirs = text.partition("=")
         if not equals:
             raise BadRequestError(
-                f"{text[:80]!r} names no column. Write it as name=header, such as alt_msl_m=Altitude.",
+                say("columns.write_so", text=text[:80]),
                 field="columns",
             )
         named[ours.strip()] = theirs.strip()
@@ -149,8 +150,13 @@ def _require_modest(options: BaseModel, owner: str) -> None:
         for mark in field.metadata:
             if isinstance(mark, RequestMost) and getattr(options, name) > mark.most:
                 raise BadOptionsError(
-                    f"Option {name!r} of {owner} is {getattr(options, name)}, and a request may ask for {mark.most:g} "
-                    "at most. `versant fuse` computes with more on a machine of your own.",
+                    say(
+                        "options.too_much",
+                        name=name,
+                        owner=owner,
+                        value=getattr(options, name),
+                        most=mark.most,
+                    ),
                     where=name,
                 )
 
@@ -160,7 +166,7 @@ def _pairs(texts: Sequence[str], field: str) -> dict[str, Any]:
     for text in texts:
         name, colon, value = text.partition(":")
         if not colon or not name:
-            raise BadRequestError(f"{text!r} is no option. Write it as name:value.", field=field)
+            raise BadRequestError(say("options.write_so", text=text), field=field)
         pairs[name.strip()] = _json_or_text(value)
     return pairs
 
@@ -171,7 +177,7 @@ def _json_object(text: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         value = None
     if not isinstance(value, dict):
-        raise BadRequestError('options must be a JSON object such as {"particles": 10000}.', field="options")
+        raise BadRequestError(say("options.no_object"), field="options")
     return value
 
 

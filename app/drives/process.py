@@ -23,7 +23,7 @@ from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
 from app.core.db import Sessions
 from app.core.telemetry import tracing
 from app.core.telemetry.events import Stages
-from app.core.telemetry.logs import about, tell
+from app.core.telemetry.logs import about, blanked, tell
 from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
 from app.core.version import code_version
 from app.drives import claims, publishing, queue, tracks
@@ -295,7 +295,9 @@ def _write_failure(session: Session, drive: Drive, failure: Failure) -> bool:
     """End the drive as failed, and have that announced; False: it is no longer this worker's."""
     mine = claims.mark_failed(session, drive.id, drive.generation, **failure._asdict())
     if mine:
-        announce_drive(session, DRIVE_FAILED, drive.id, {"kind": failure.kind, "reason": failure.reason})
+        announce_drive(
+            session, DRIVE_FAILED, drive.id, {"kind": failure.kind, "reason": blanked(failure.reason)}
+        )
     return mine
 
 

@@ -92,8 +92,8 @@ _GIVE_BLOB = text("""
 CANCELLED = """
     status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp(),
     sha256 = 'removed ' || d.id, content_sha256 = NULL, filename = '', options = jsonb_build_object(), report = NULL,
-    drive_time = NULL, failure_kind = NULL, failure_reason = NULL, failure_where = NULL, before_batch = NULL,
-    traceparent = NULL
+    drive_time = NULL, failure_kind = NULL, failure_reason = NULL, failure_where = NULL, failure_said = NULL,
+    before_batch = NULL, traceparent = NULL
 """
 """What becomes of a drive (d) whose removal is asked for. A worker that computes it finds by the generation that its
 result is unwanted. What it is known by is free from here on: the same log uploaded again is another drive, and does not
@@ -109,8 +109,8 @@ _FORGET = [
 # By the higher generation a worker that still computes the older request finds that its result is unwanted.
 ANEW = """
     status = 'queued', stage = NULL, progress = 0, failure_kind = NULL, failure_reason = NULL, failure_where = NULL,
-    generation = generation + 1, queued_at = clock_timestamp(), started_at = NULL, finished_at = NULL,
-    traceparent = :traceparent
+    failure_said = NULL, generation = generation + 1, queued_at = clock_timestamp(), started_at = NULL,
+    finished_at = NULL, traceparent = :traceparent
 """
 _ASK_ANEW = text(
     f"""

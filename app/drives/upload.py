@@ -16,6 +16,7 @@ from app.access.quotas import Quotas
 from app.core.blobs import BlobStore
 from app.core.errors import QuotaError
 from app.core.http import QUOTA_HEADERS, BaseUrl, ServiceDep, problems, quota_used_up
+from app.core.messages import say
 from app.core.receiving.files import least_bytes, receive_files
 from app.core.settings import Settings
 from app.drives.documents import drive_address
@@ -180,8 +181,5 @@ async def receive_upload(
         )
 
     most = settings.max_upload_bytes
-    too_large = (
-        f"The upload is larger than {most} bytes, the most that this service takes. "
-        "Compress it with gzip or split it into several drives."
-    )
+    too_large = say("upload.too_large", most=most)
     return await receive_files(request, begin, most, too_large)

@@ -16,9 +16,11 @@ from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.errors import QuotaError
 from app.core.http import Link
+from app.core.messages import SAID, Said
 from app.drives import intake
 from app.drives.documents import DRIVE_EXAMPLE, Drive, DriveAccepted, DriveStatus, drive_links
 from app.drives.receiving.sorting import Doubt, LeftOut, Sorted, Stored
+from fusion.messages import message_of
 
 _FILES = ["monday.fit", "tuesday.fit", "readme.txt"]
 _NO_LOG = "The file is in no format that is known here."
@@ -67,6 +69,7 @@ class LeftOutFile(BaseModel):
         "same as another file, `no-drive` for what belongs to none of the others, `quota`."
     )
     reason: str
+    said: Said | None = Field(None, description=f"The reason by its key; {SAID}")
 
 
 class UploadAccepted(DriveAccepted, json_schema_extra={"examples": [_EXAMPLE]}):
@@ -110,10 +113,14 @@ class Uploaded:
             )
             for one in self.drives
         ]
-        first, left_out = drives[0], [LeftOutFile(**one._asdict()) for one in self.left_out]
+        first, left_out = drives[0], [_left_out(one) for one in self.left_out]
         return UploadAccepted(
             id=first.id, status=first.status, links=first.links, drives=drives, left_out=left_out
         )
+
+
+def _left_out(one: LeftOut) -> LeftOutFile:
+    return LeftOutFile(**one._asdict(), said=Said.of(one.reason))
 
 
 def _unclear(doubt: Doubt) -> UnclearFiles:
@@ -145,7 +152,7 @@ def register_drives(
         except QuotaError as error:
             errors.append(error)
             refused(error)
-            left_out += [LeftOut(name, "quota", str(error)) for name in one.files]
+            left_out += [LeftOut(name, "quota", message_of(error)) for name in one.files]
         except BaseException:
             for other in files.drives[number + 1 :]:
                 blobs.delete(other.blob.key)

@@ -21,6 +21,7 @@ from app.changes.webhooks import telling
 from app.changes.webhooks.telling import Teller
 from app.core.blobs import EXPORTS
 from app.core.db import Sessions, make_engine, session_factory
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.settings.places import FilePlace
 from app.core.telemetry import audit
@@ -167,7 +168,7 @@ def _drive_task(context: JobContext) -> Task:
         with context.sessions.begin() as session:
             claims.mark_queued(session, uuid.UUID(drive_id), generation)
 
-    advice = "Split the log into shorter drives."
+    advice = say("processing.split")
     return Task(PROCESS_DRIVE, run, fail, put_back, subject="drive", advice=advice)
 
 

@@ -10,6 +10,7 @@ from pydantic import BaseModel, BeforeValidator, Field, WithJsonSchema
 from pydantic.config import JsonDict
 
 from app.core.http import EXAMPLE_ID, Link, link
+from app.core.messages import SAID, Said, said_in
 from app.core.text import Moment
 from app.jobs.requests.store import Request
 
@@ -70,6 +71,7 @@ class ExportFailure(BaseModel):
 
     kind: str = Field(description="Stable identifier of the reason.")
     reason: str = Field(description="What is wrong and what to do about it.")
+    said: Said | None = Field(None, description=f"The same by its key; {SAID}")
 
 
 EXAMPLE: dict[str, Any] = {
@@ -141,7 +143,9 @@ class Export(Request, json_schema_extra={"examples": [EXAMPLE]}):
         """The record of a row of the store."""
         failure = None
         if columns["status"] == ExportStatus.FAILED:
-            failure = ExportFailure(kind=columns["failure_kind"], reason=columns["failure_reason"])
+            failure = ExportFailure(
+                kind=columns["failure_kind"], reason=columns["failure_reason"], said=said_in(columns)["said"]
+            )
         notes = columns["notes"].get("notes", [])
         return cls.model_validate({**columns, "failure": failure, "notes": notes})
 

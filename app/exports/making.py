@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
 from app.core.errors import BadRequestError
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.settings.places import FilePlace
 from app.core.text import dumps, utc_text
@@ -185,7 +186,7 @@ def request_of(
     )
     if suffix is not None and suffix not in chosen.suffixes:
         known = ", ".join(chosen.suffixes)
-        raise BadOptionsError(f"suffix: {chosen.name} writes files that end in {known}.", where="suffix")
+        raise BadOptionsError(say("export.suffix", name=chosen.name, names=known), where="suffix")
     checked = chosen.parse_options(options, local=local)
     kind = suffix or chosen.suffixes[0]
     return Request(chosen, checked, bbox, region, driven, gaps, kind, most_sigma_percent, least_drives)

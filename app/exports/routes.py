@@ -13,6 +13,7 @@ from fastapi import APIRouter, Query, Request, Response
 from app.core.blobs import EXPORTS, BlobStore
 from app.core.errors import BadQueryError, BadRequestError, NotDoneError, NotFoundError
 from app.core.http import UNREADABLE_BODY, BaseUrl, Service, ServiceDep, existing, problems, quota_used_up
+from app.core.messages import say
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
@@ -172,9 +173,7 @@ def get_file(export_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         try:
             return _blobs(service).open(str(export.blob_key), BLOCK_BYTES)
         except FileNotFoundError:
-            raise NotFoundError(
-                f"The file of export {export_id} is gone from the storage. Ask for it again."
-            ) from None
+            raise NotFoundError(say("export.file_gone", id=export_id)) from None
 
     headers = {"Cache-Control": "no-cache", "Content-Disposition": disposition}
     return stored_answer(request, stored, opened, headers)
@@ -252,11 +251,9 @@ def _done(service: Service, export_id: uuid.UUID) -> documents.Export:
     if export.status is documents.ExportStatus.DONE:
         return export
     if export.status in {documents.ExportStatus.QUEUED, documents.ExportStatus.RUNNING}:
-        raise NotDoneError(
-            f"Export {export.id} is {export.status}: {export.progress:.0%} of it is done. Ask again in a moment."
-        )
+        raise NotDoneError(say("export.not_done", id=export.id, status=export.status, share=export.progress))
     why = export.failure.reason if export.failure is not None else "It was removed. Ask for it again."
-    raise NotFoundError(f"Export {export.id} is {export.status} and has no file. {why}")
+    raise NotFoundError(say("export.no_file", id=export.id, status=export.status, why=why))
 
 
 def _blobs(service: Service) -> BlobStore:

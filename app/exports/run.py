@@ -18,6 +18,7 @@ from app.core.databases import database_identity
 from app.core.db import plain_json, snapshot
 from app.core.errors import ServiceError
 from app.core.filesystems import file_system, free_bytes, full_is_told, storage_full
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.telemetry.logs import tell
 from app.exports import store
@@ -32,10 +33,7 @@ from fusion.errors import FusionError
 CHUNK_BYTES = 2**20
 MOST_YIELDS = 3
 """So often an export lets others go first and begins anew; then it runs to its end."""
-NO_ROOM = (
-    "The service's storage is full: nothing of this file was kept. Ask again when whoever runs the service has made "
-    "room (/readyz says how much there is)."
-)
+NO_ROOM = say("export.no_room")
 
 logger = logging.getLogger(__name__)
 
@@ -82,8 +80,7 @@ def _require_fit(size_bytes: int, settings: Settings, *, is_operators: bool) -> 
     for whose, most_bytes, setting in bounds:
         if size_bytes > most_bytes:
             raise TooLargeError(
-                f"The file has {size_bytes} bytes, and {whose} together may have {most_bytes} ({setting}). Ask for a "
-                "smaller part of the map (bbox, region, driven)."
+                say("export.too_large", size=size_bytes, whose=whose, most=most_bytes, setting=setting)
             )
 
 
@@ -142,7 +139,7 @@ def _store_file(run: RequestRun[Export], path: Path, show_share: Callable[[float
 EXPORT = RequestKind(
     exports,
     _make_export,
-    advice="Ask for a smaller part of the map (bbox, region, driven).",
+    advice=say("processing.smaller_export"),
     failure=expected_failure(NO_ROOM),
     folder="exports",
     files=EXPORTS,

@@ -14,6 +14,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
+from app.core.messages import say
 from app.core.settings.places import FilePlace
 from app.map.segment import Segment, Way
 from app.map.store import FULL_ZOOM, PAGE, all_segments, corners, count_segments, in_box_sql
@@ -156,7 +157,7 @@ class Source:
         """
         regions = all_regions(self.session)
         if not regions:
-            raise RoadsError("There are no roads yet. Import a file of roads first.")
+            raise RoadsError(say("export.no_roads"))
         newest_first = sorted(regions, key=lambda region: (region.imported_at, region.id), reverse=True)
         return tuple(kept_file(self.place, region) for region in newest_first)
 

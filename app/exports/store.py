@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from app.core.caller import OPERATOR_OWNER, present_caller
 from app.core.db import Bounds, plain_json
 from app.core.errors import QuotaError
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.tables import requests as tables
 from app.exports.documents import Export
@@ -119,8 +120,7 @@ def ask(
 def _require_quota(under_way: int, most: int) -> None:
     if under_way >= most:
         raise QuotaError(
-            f"You may have {most} exports that wait or are being made: there are {under_way}. Ask again when one of "
-            "them is done, or remove one.",
+            say("export.quota", most=most, n=under_way),
             quota="exports",
             headers={"Retry-After": str(AGAIN_S)},
         )

@@ -15,10 +15,12 @@ import traceback
 from contextlib import suppress
 from pathlib import Path
 
+from app.core.messages import say
+
 NEW_ABOVE_BYTES = 400 * 2**20
 """Above so much of its own (PSS) a process ends: half of it is its share of what all have loaded, or less."""
 
-MORE_MEMORY = "more memory than a worker may take (VERSANT_LANE_MEMORY_BYTES)"
+MORE_MEMORY = say("processing.more_memory")
 """What a run needs that failed for lack of it."""
 
 _SELF = Path("/proc/self")

@@ -15,11 +15,13 @@ from procrastinate import exceptions, job_context, jobs
 from procrastinate.connector import BaseAsyncConnector
 from procrastinate.retry import BaseRetryStrategy, RetryDecision
 
+from app.core.messages import say
 from app.core.telemetry.logs import about
 from app.jobs import memory
 from app.jobs.computations import Liveness
 from app.jobs.task import QUEUE, Interrupted, Task, TooLongError, Work, is_connection_loss
 from fusion.errors import FusionError
+from fusion.messages import message_of
 
 logger = logging.getLogger(__name__)
 
@@ -81,8 +83,12 @@ class Run:
     def too_long(self) -> TooLongError:
         """What is to be said when it is beyond its limit."""
         return TooLongError(
-            f"Processing this {self.task.subject} took longer than the {self.limit_s:.0f} s that a run may take "
-            f"(VERSANT_RUN_LIMIT_S). {self.task.advice}"
+            say(
+                "processing.too_long",
+                subject=self.task.subject,
+                limit_s=self.limit_s,
+                advice=self.task.advice,
+            )
         )
 
 
@@ -118,10 +124,7 @@ class Runs:
         task, arguments, once = run.task, run.arguments, run.once
         deaths = self.liveness.deaths(run.job)
         if deaths >= MAX_DEATHS:
-            reason = (
-                f"The worker died {deaths} times while it processed this {task.subject}, most likely for lack of "
-                f"memory. {task.advice}"
-            )
+            reason = say("processing.died", n=deaths, subject=task.subject, advice=task.advice)
             task.give_up("interrupted", reason, **arguments)
             self.liveness.forget(run.job)
             return "given up"
@@ -200,11 +203,11 @@ def _register(app: procrastinate.App, task: Task, runs: Runs) -> None:
 def _failure_of(task: Task, error: Exception) -> tuple[str, str]:
     """Kind and reason of a failure."""
     if isinstance(error, FusionError):
-        return error.kind, str(error)
+        return error.kind, message_of(error)
     if isinstance(error, MemoryError):
         memory.forget(error)
-        return "out-of-memory", f"This {task.subject} needs {memory.MORE_MEMORY}. {task.advice}"
-    fault = (
-        f"Processing failed by a fault of the service ({type(error).__name__}). It is in the worker's log."
-    )
+        return "out-of-memory", say(
+            "processing.needs_memory", subject=task.subject, more=memory.MORE_MEMORY, advice=task.advice
+        )
+    fault = say("processing.fault", error=type(error).__name__)
     return "internal", fault

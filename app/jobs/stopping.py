@@ -22,6 +22,7 @@ from procrastinate import jobs, utils
 from sqlalchemy import Engine, event
 
 from app.jobs.runs import Run, Runs
+from fusion.messages import message_of
 
 logger = logging.getLogger(__name__)
 
@@ -89,7 +90,7 @@ class Stopping:
         for run in overdue:
             logger.error("job %s does not end after %.0f s: it is given up", run.job, run.took_s)
             with suppress(Exception):  # it ends all the same
-                run.task.give_up(run.too_long.kind, str(run.too_long), **run.arguments)
+                run.task.give_up(run.too_long.kind, message_of(run.too_long), **run.arguments)
             with suppress(Exception):
                 self._in_loop(run, jobs.Status.FAILED)
         if self._may_exit:

@@ -21,6 +21,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session
 
 from app.core.claims import ClaimLostError
+from app.core.messages import say
 from fusion.errors import FusionError
 
 QUEUE = "drives"
@@ -76,7 +77,7 @@ class Task:
     this adds another unless one waits."""
     subject: str = "job"
     """What people call that which is computed."""
-    advice: str = "Ask for it again."
+    advice: str = say("processing.again")
     """The sentence on what to do where it is too much."""
 
 

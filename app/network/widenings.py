@@ -17,10 +17,12 @@ from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.core.messages import say
 from app.core.tables import IS_SHOWN
 from app.network.locks import share_network
 from app.network.marks import append_marks
 from app.network.repeats import DEVICE_CLASS, read_repeats
+from fusion.messages import joined
 from fusion.network.repeats import Widening, learn_widenings, repeat_statistics
 from fusion.types import Progress, no_progress
 
@@ -79,10 +81,12 @@ def device_classes(session: Session) -> list[dict[str, Any]]:
 
 def sentence(classes: Sequence[Mapping[str, Any]]) -> str:
     """What is applied, for people."""
-    wide = [f"{one['name']}: {one['applied']:.2f}" for one in classes if one["applied"] != 1.0]
+    wide = [
+        say("widenings.of", name=one["name"], by=one["applied"]) for one in classes if one["applied"] != 1.0
+    ]
     if not wide:
-        return f"{len(classes)} device class(es) known, all taken at their word."
-    return f"{len(classes)} device class(es) known; sigmas are multiplied of {'; '.join(wide)}."
+        return say("widenings.none", n=len(classes))
+    return say("widenings.some", n=len(classes), wide=joined(wide, "; "))
 
 
 def repeat_rows(session: Session) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from app.core.http import EXAMPLE_ID, Link, link
+from app.core.messages import SAID, Said, said_in
 from app.core.text import Moment
 from app.jobs.requests.store import Request
 
@@ -76,6 +77,7 @@ class Failure(BaseModel):
 
     kind: str = Field(description="Stable identifier of the reason.")
     reason: str = Field(description="What is wrong and what to do about it.")
+    said: Said | None = Field(None, description=f"The same by its key; {SAID}")
 
 
 class Operation(Request, json_schema_extra={"examples": [EXAMPLE]}):
@@ -110,7 +112,9 @@ class Operation(Request, json_schema_extra={"examples": [EXAMPLE]}):
         """The record of a row of the store."""
         failure = None
         if columns["status"] == Status.FAILED:
-            failure = Failure(kind=columns["failure_kind"], reason=columns["failure_reason"])
+            failure = Failure(
+                kind=columns["failure_kind"], reason=columns["failure_reason"], said=said_in(columns)["said"]
+            )
         return cls.model_validate({**columns, "failure": failure})
 
     @property

@@ -10,6 +10,7 @@ from fastapi import Request
 
 from app.core.blobs import BlobStore, StoredBlob
 from app.core.errors import BadRequestError
+from app.core.messages import say
 from app.core.receiving.body import DEFAULT_FILENAME, FIELD, Piece, joined
 from app.core.receiving.files import receive_files
 from app.core.settings import Settings
@@ -32,10 +33,7 @@ async def receive_file(request: Request, blobs: BlobStore, settings: Settings) -
     body without a file, with an empty one or with several. Nothing stays in the store then.
     """
     most = settings.max_import_bytes
-    too_large = (
-        f"The file is larger than {most} bytes, the most that this service takes (VERSANT_MAX_IMPORT_BYTES). Import a "
-        "smaller extract, or do it by `versant import-roads` and `versant import-dem` where the service runs."
-    )
+    too_large = say("operation.too_large", most=most)
     return await receive_files(request, partial(_OneFile, blobs, settings), most, too_large)
 
 
@@ -53,7 +51,7 @@ class _OneFile:
         """Write the next pieces; ``BadRequestError`` where another file begins."""
         for piece in joined(pieces):
             if piece.file:
-                raise BadRequestError("An operation takes one file. Ask for one each.", field=FIELD)
+                raise BadRequestError(say("operation.one_file"), field=FIELD)
             self._name = piece.name
             self._writer.write(piece.data)
 
@@ -61,19 +59,18 @@ class _OneFile:
         """The file in the store; ``BadRequestError`` where it is empty or its name cannot be used."""
         if not self._writer.size_bytes:
             raise BadRequestError(
-                f"There is no file in the body. Send it as the field {FIELD!r} (curl -F {FIELD}=@FILE), or as the body "
-                "itself with its name in `filename`.",
+                say("operation.no_file", field=FIELD),
                 field=FIELD,
             )
         if self._name in {"", DEFAULT_FILENAME}:
             raise BadRequestError(
-                "The file has no name, and its name tells its format. Give it as `filename` (karlsruhe.osm.pbf).",
+                say("operation.no_name"),
                 field="filename",
             )
         last = PurePosixPath(self._name).name  # so the worker calls the file, in a folder of its own
         if last in {"", ".", ".."} or not last.isprintable() or len(last.encode()) > NAME_BYTES:
             raise BadRequestError(
-                f"{last[:40]!r} is no name for a file here: it must be printable, of {NAME_BYTES} bytes at most.",
+                say("operation.bad_name", name=last[:40], most=NAME_BYTES),
                 field="filename",
             )
         return Received(self._writer.finish(), self._name)

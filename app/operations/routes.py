@@ -17,6 +17,7 @@ from app.core.blobs import IMPORTS, BlobStore
 from app.core.databases import database_identity
 from app.core.errors import BadRequestError, NotDoneError
 from app.core.http import BaseUrl, Service, ServiceDep, existing, problems
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.receiving.files import announced_bytes
 from app.core.telemetry import audit
@@ -187,10 +188,8 @@ def approve_operation(
     if operation.approved and operation.status in {Status.QUEUED, Status.RUNNING, Status.DONE}:
         return linked(base, operation)
     if operation.status in {Status.QUEUED, Status.RUNNING}:
-        raise NotDoneError(
-            f"Operation {operation_id} is {operation.status}: there is no plan to approve yet."
-        )
-    raise BadRequestError(f"Operation {operation_id} is {operation.status}: there is nothing to approve.")
+        raise NotDoneError(say("operation.no_plan_yet", id=operation_id, status=operation.status))
+    raise BadRequestError(say("operation.nothing_to_approve", id=operation_id, status=operation.status))
 
 
 @router.delete("/{operation_id}", summary="Cancel an operation", responses=problems(403, 404, 409, 422, 503))
@@ -214,10 +213,8 @@ def cancel_operation(
     if operation.status is Status.CANCELLED:
         return linked(base, operation)
     if operation.status in {Status.QUEUED, Status.RUNNING}:
-        raise NotDoneError(
-            f"Operation {operation_id} is being carried out and goes on to its end; what it has done stays."
-        )
-    raise BadRequestError(f"Operation {operation_id} is {operation.status}: there is nothing left to cancel.")
+        raise NotDoneError(say("operation.goes_on", id=operation_id))
+    raise BadRequestError(say("operation.nothing_to_cancel", id=operation_id, status=operation.status))
 
 
 def _require_fitting(kind: Kind, given: Mapping[str, Any]) -> None:

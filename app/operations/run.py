@@ -16,6 +16,7 @@ from typing import Any
 from app.core.blobs import IMPORTS
 from app.core.db import plain_json
 from app.core.filesystems import full_is_told, require_room
+from app.core.messages import say
 from app.core.tables import requests as tables
 from app.core.telemetry.logs import tell
 from app.jobs.requests.run import RequestKind, RequestRun, expected_failure
@@ -35,6 +36,7 @@ from app.terrain.heights import renew_all
 from app.terrain.imports import add_dem, remove_dem
 from app.terrain.store import chosen, current_dem
 from fusion.errors import FusionError
+from fusion.messages import joined, said, with_key
 
 Document = dict[str, Any]
 Run = RequestRun[Operation]
@@ -42,16 +44,13 @@ Run = RequestRun[Operation]
 CHUNK_BYTES = 2**20
 SLICE_S = 20.0
 """An operation lets others go first at once, then after so long, twice, four times as long: it comes to its end."""
-LOST = "The file of this operation is gone from the storage. Ask for it again, with the file."
-NO_ROOM = (
-    "The service's storage is full. Ask again when whoever runs the service has made room (/readyz says how much there "
-    "is)."
-)
+LOST = say("operation.file_gone")
+NO_ROOM = say("operation.no_room")
 WAIT_S = 1.0
 """Between two looks at whether another import, asked for at a command line, is over."""
 MORE_LOST = 1.1
 """Drives come while a plan waits: what is lost may have grown by so much without being asked for again."""
-CHANGED = "The map has changed since this was approved, so nothing was done. "
+CHANGED = say("operation.changed")
 _SAME = ("kept", "moved", "renumbered", "reversed", "far", "split", "merged", "dropped", "released", "added")
 
 
@@ -145,8 +144,9 @@ def _wait_for_imports(run: Run) -> None:
 
 
 def _of_roads(counts: ImportCounts, before: str = "") -> Document:
-    outline = summary(counts)
-    sentence = " ".join([f"{before}{outline[0].upper()}{outline[1:]}.", *remarks(counts)])
+    outline = say("operation.of_roads", summary=summary(counts))
+    begun = with_key(outline[:1].upper() + outline[1:], said(outline))
+    sentence = joined([before, begun, *remarks(counts)])
     figures = {k: v for k, v in asdict(counts).items() if k not in {"dry_run", "longest_hold_s"}}
     return {**figures, "segments": counts.segments, "sentence": sentence}
 
@@ -161,13 +161,9 @@ def _dem(run: Run) -> Outcome:
         active = add_dem(run.sessions, stored, place, progress, **said)
         with run.sessions() as session:
             lonely = sorted({source.name for source in stored} - set(rasters_over(session, active)))
-    count = "1 raster" if len(active.names) == 1 else f"{len(active.names)} rasters"
-    sentence = f"The terrain consists of {count}, heights above {active.datum}."
+    sentence = say("operation.terrain", n=len(active.names), datum=active.datum)
     if lonely:
-        sentence += (
-            f" No road that is imported lies under {', '.join(lonely)}. Check the place, or import the roads there; "
-            "until then it changes nothing."
-        )
+        sentence = joined([sentence, say("operation.lonely", names=lonely)])
     figures = {"rasters": len(active.names), "datum": active.datum, "without_roads": lonely}
     return Outcome({**figures, "sentence": sentence})
 
@@ -187,19 +183,23 @@ def _remove_raster(run: Run) -> Outcome:
     if not run.request.approved:
         return Outcome(plan, planned=True)
     if not run.request.begun and version != (run.request.plan or {}).get("dem_version"):
-        return Outcome({**plan, "sentence": CHANGED + plan["sentence"]}, planned=True)
+        return Outcome({**plan, "sentence": joined([CHANGED, plan["sentence"]])}, planned=True)
     _note_state(run, begun=True)
     with run.computing():
         if gone:
             remove_dem(sessions, [name], place, run.show)
         renew_all(sessions, place, run.show)  # what a run that was cut off left to be done
-    return _done(run, f"Raster {name} is out of use.")
+    return _done(run, say("operation.raster_out_of_use", name=name))
 
 
 def _of_raster(name: str, effect: Document) -> str:
-    return (
-        f"{effect.get('segments', 0)} segments lie under {name}, {effect.get('measured', 0)} of them measured, by "
-        f"{effect.get('drives', 0)} drives. {effect.get('bare', 0)} measured ones would lie under no raster any more."
+    return say(
+        "operation.raster_effect",
+        segments=effect.get("segments", 0),
+        name=name,
+        measured=effect.get("measured", 0),
+        drives=effect.get("drives", 0),
+        bare=effect.get("bare", 0),
     )
 
 
@@ -212,9 +212,7 @@ def _settle(run: Run) -> Outcome:
             after_cell=int(run.request.state.get("cell", -1)),
             note_done=lambda cell: _note_state(run, cell=cell),
         )
-    return Outcome(
-        {"segments": segments, "sentence": f"{segments} segments of the network were solved anew."}
-    )
+    return Outcome({"segments": segments, "sentence": say("operation.settled", n=segments)})
 
 
 def _learn_widenings(run: Run) -> Outcome:
@@ -239,7 +237,7 @@ def _release(run: Run) -> Outcome:
     if run.request.request.get("when_due") and not is_due(run.sessions, settings):
         with run.computing():
             add_files(str(settings.database_url), settings, run.show)  # it was made, and its maker cut off
-        return Outcome({"sentence": "The edition is made already."})
+        return Outcome({"sentence": say("operation.edition_made_already")})
     _note_state(run, begun=True)
     with run.computing():
         edition = release(str(settings.database_url), settings, progress=run.show)
@@ -274,11 +272,12 @@ def _operate(run: Run) -> str:
         outcome = _WORK[operation.kind](run)
     except PlanChangedError as changed:
         outcome = Outcome(changed.plan, planned=True)
+    document = {**outcome.document, "sentence_said": said(outcome.document["sentence"])}
     with run.sessions.begin() as session:
         if outcome.planned:
-            ours = store.plan(session, operation, outcome.document)
+            ours = store.plan(session, operation, document)
         else:
-            ours = operations.finish(session, operation, result=plain_json(outcome.document), blob_key=None)
+            ours = operations.finish(session, operation, result=plain_json(document), blob_key=None)
     if not ours:
         return "unwanted"
     if outcome.planned:
@@ -308,7 +307,7 @@ def _fetch_file(run: Run, blob_key: str) -> None:
 OPERATION = RequestKind(
     operations,
     _operate,
-    advice="Ask for it again: what was done of it stays. The command line knows no such limit.",
+    advice=say("processing.operation_again"),
     failure=expected_failure(NO_ROOM),
     folder="operations",
     files=IMPORTS,

@@ -16,6 +16,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import plain_json
 from app.core.errors import BusyError
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.tables import requests as tables
 from app.jobs.requests.store import NOW, RequestStore
@@ -63,15 +64,9 @@ def require_place(session: Session, size_bytes: int, kept_bytes: int) -> None:
     """
     waiting = session.execute(_WAITING).one()
     if waiting.operations >= MOST_WAITING:
-        raise BusyError(
-            f"{waiting.operations} operations wait already. Try again when some of them are done; planned ones wait to "
-            "be approved or cancelled."
-        )
+        raise BusyError(say("operation.many_wait", n=waiting.operations))
     if waiting.bytes + size_bytes > kept_bytes:
-        raise BusyError(
-            f"Files of operations that are not done take {waiting.bytes} bytes, and with this one they would take more "
-            f"than {kept_bytes} (VERSANT_IMPORTS_KEPT_BYTES). Approve or cancel what is planned, or wait for what runs."
-        )
+        raise BusyError(say("operation.many_bytes", bytes=waiting.bytes, most=kept_bytes))
 
 
 def ask(

@@ -9,6 +9,7 @@ from datetime import UTC, date, datetime, timedelta
 from app.changes.store import begin_epoch, prune
 from app.core.caller import EDITION, TOLD, read_edition
 from app.core.db import Sessions, make_engine, session_factory
+from app.core.messages import say
 from app.core.settings import Settings
 from app.map.derived.following import follow_all
 from app.network import ZOOM
@@ -118,10 +119,14 @@ def lacks_files(sessions: Sessions, settings: Settings) -> bool:
 def in_words(edition: Edition) -> str:
     """An edition in one sentence."""
     withheld = edition.withheld_length_share
-    kept_back = "" if withheld is None else f"; {withheld:.0%} of the driven length waits for more owners"
-    return (
-        f"Edition {edition.number} of {edition.day.isoformat()} tells {edition.segments} segments, "
-        f"{edition.length_m / 1000:.1f} km, each driven by {edition.owners_needed} owners or more{kept_back}."
+    figures = {"length_km": edition.length_m / 1000, "owners": edition.owners_needed}
+    return say(
+        "release.edition",
+        n=edition.number,
+        day=edition.day.isoformat(),
+        segments=edition.segments,
+        **figures,
+        kept_back="" if withheld is None else say("release.kept_back", share=withheld),
     )
 
 

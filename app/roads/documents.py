@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from app.core.messages import say
 from app.roads.comparing import Loss
 from fusion.errors import RoadsError
+from fusion.messages import joined
 
 TOLERANCE_M = 2.0
 """By default (setting ``road_tolerance_m``) a segment whose ends moved by no more keeps what was measured on it."""
@@ -87,19 +89,12 @@ USUAL = Wishes()
 def refuse(losses: Sequence[Loss], region: str, *, removal: bool = False) -> None:
     """``RoadsError`` where any region loses too much, by the removal of ``region`` or as a file takes its place."""
     if large := [one for one in losses if one.lost > MOST_LOST * one.measured]:
-        regions = "; ".join(
-            f"{one.lost} of the {one.measured} measured segments of {one.region}" for one in large
-        )
-        elsewhere = (
-            "" if removal else "If the file is of another area, name a region of its own by --region. "
-        )
+        regions = [say("roads.loss", n=one.lost, measured=one.measured, region=one.region) for one in large]
+        elsewhere = "" if removal else say("roads.name_a_region")
         if any(one.ways and one.region != region for one in large):
-            elsewhere = "Maps that mean different roads by one number cannot be in one service: renumber one of them. "
-        raise RoadsError(
-            f"This would take away what was measured on more than a tenth: {regions}. Nothing was changed. "
-            f"{''.join(_collisions(one) for one in large)}{elsewhere}"
-            "See with --dry-run what it would do; if that is meant, give --yes."
-        )
+            elsewhere = say("roads.renumber")
+        lost = say("roads.too_much_lost", regions=joined(regions, "; "))
+        raise RoadsError(joined([lost, *map(_collisions, large), elsewhere, say("roads.if_meant")]))
 
 
 def _collisions(one: Loss) -> str:
@@ -107,17 +102,12 @@ def _collisions(one: Loss) -> str:
     if not one.ways:
         return ""
     rest = len(one.ways) - MOST_NAMED
-    shown = ", ".join(str(number) for number in one.ways[:MOST_NAMED]) + (
-        f" and {rest} more" if rest > 0 else ""
+    shown = ", ".join(str(number) for number in one.ways[:MOST_NAMED])
+    return say(
+        "roads.collisions", region=one.region, shown=shown, more=say("more", n=rest) if rest > 0 else ""
     )
-    return f"By numbers of ways of {one.region} the file has other roads: {shown}. "
 
 
-_CALLED = {
-    "moved": "moved within the tolerance",
-    "far": "moved farther",
-    "released": "left to other regions",
-}
 _ALWAYS = ("kept", "added", "dropped")
 
 
@@ -125,34 +115,28 @@ def summary(counts: ImportCounts) -> str:
     """What an import does to the segments of its region."""
     there = _listed(counts, ("kept", "moved", "renumbered", "reversed", "far", "added"))
     gone = _listed(counts, ("split", "merged", "dropped", "released"))
-    would = "would have" if counts.dry_run else "has"
-    return f"region {counts.region} {would} {counts.segments} segments ({there}; {gone})"
+    key = "roads.would_have" if counts.dry_run else "roads.has"
+    return say(key, region=counts.region, n=counts.segments, there=there, gone=gone)
 
 
 def _listed(counts: ImportCounts, names: Sequence[str]) -> str:
     """How many of each there are; those of which there are none only where that tells something."""
     numbers = {name: getattr(counts, name) for name in names}
-    return ", ".join(f"{n} {_CALLED.get(name, name)}" for name, n in numbers.items() if n or name in _ALWAYS)
+    listed = [say(f"roads.{name}", n=n) for name, n in numbers.items() if n or name in _ALWAYS]
+    return joined(listed, ", ")
 
 
 def remarks(counts: ImportCounts) -> list[str]:
     """What a road import cost, brought back and could not use, a sentence each."""
-    will = "would " if counts.dry_run else ""
-    lines = []
+    would = "would" if counts.dry_run else "will"
+    lines: list[str] = []
     if counts.measured_lost:
-        lines.append(
-            f"{counts.measured_lost} segments {will}lose what was measured on them, because they were moved, split, "
-            "merged or dropped. It is kept for some time, and comes back if they do."
-        )
+        lines.append(say(f"roads.{would}_lose", n=counts.measured_lost))
     if counts.restored:
-        lines.append(f"{counts.restored} segments {will}have back what was measured before they went.")
+        lines.append(say(f"roads.{would}_have_back", n=counts.restored))
     if counts.drives_again:
-        lines.append(
-            f"{counts.drives_again} drive(s) {will or 'are '}{'be ' if will else ''}computed again by themselves."
-        )
+        lines.append(say(f"roads.{would}_be_computed", n=counts.drives_again))
     if counts.skipped:
-        reasons = ", ".join(f"{reason}: {count}" for reason, count in sorted(counts.skipped.items()))
-        lines.append(
-            f"{sum(counts.skipped.values())} node pairs of the file's roads are no segments ({reasons})."
-        )
+        reasons = [say("reason_count", reason=reason, n=n) for reason, n in sorted(counts.skipped.items())]
+        lines.append(say("roads.skipped", n=sum(counts.skipped.values()), reasons=joined(reasons, ", ")))
     return lines

@@ -21,6 +21,7 @@ from sqlalchemy.orm import Session
 from app.core import mirror
 from app.core.claims import Claim, ClaimLostError
 from app.core.db import Sessions
+from app.core.messages import say
 from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
 from app.network.cells import LAST_STEP, state_of
@@ -207,9 +208,7 @@ class Import:
             known = store.find_region(session, self.source.region)
         self.former_uri = None if known is None else known.file_uri
         if self.source.based_on not in (None, self.former_uri):
-            raise RoadsError(
-                f"Region {self.source.region!r} was imported while the changes were applied. Give them again."
-            )
+            raise RoadsError(say("roads.imported_meanwhile", region=self.source.region))
         heights = terrain_under(dem, self.table)
         with self.transaction() as session:
             copy_roads(session, self.table, *heights, self.progress)

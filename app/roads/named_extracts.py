@@ -11,6 +11,8 @@ from functools import cache
 from importlib.resources import files
 
 from app.core.db import Bounds
+from app.core.messages import say
+from fusion.messages import Message
 
 NO_ROADS = ("no-match", "no-roads")
 """What a drive fails of where roads are missing."""
@@ -52,14 +54,12 @@ def _rank(box: Bounds, region: Bounds) -> float:
     return (east - west) * (north - south) * (1 + _EDGE * (across**4 + along**4))
 
 
-def extract_words(box: Bounds) -> str:
+def extract_words(box: Bounds) -> Message:
     """What to import of the roads in a box, as part of a sentence."""
     west, south, east, north = box
     names = extracts_over(box)
     if not names:
-        return (
-            f"an extract of OpenStreetMap that covers {south:.1f} to {north:.1f} degrees north and {west:.1f} to "
-            f"{east:.1f} degrees east"
-        )
-    others = f" (or {' or '.join(names[1:])})" if len(names) > 1 else ""
-    return f"the extract {names[0]}{others} of OpenStreetMap"
+        return say("roads.extract_over", south=south, north=north, west=west, east=east)
+    if len(names) == 1:
+        return say("roads.extract", name=names[0])
+    return say("roads.extract_or", name=names[0], others=", ".join(names[1:]))

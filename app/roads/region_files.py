@@ -10,6 +10,7 @@ from pathlib import Path
 
 from app.core import mirror
 from app.core.db import Bounds
+from app.core.messages import say
 from app.core.settings.places import FilePlace
 from app.roads.store import Region
 from fusion.errors import RoadsError
@@ -28,27 +29,20 @@ def keep_file(place: FilePlace, source: Path, region: str) -> tuple[str, str]:
     except BaseException as error:
         mirror.forget(place, uri)
         if isinstance(error, mirror.MirrorError):
-            raise RoadsError(
-                f"{source.name} cannot be kept: {error} See to the storage of VERSANT_DEM_URL and import it again."
-            ) from error
+            raise RoadsError(say("roads.cannot_be_kept", file=source.name, error=error)) from error
         raise
 
 
 def kept_file(place: FilePlace, region: Region) -> Path:
     """Where a region's file is on this machine; ``RoadsError`` where nothing is kept, or what is kept is lost."""
     if region.file_uri is None or region.file_sha256 is None:
-        raise RoadsError(
-            f"Of region {region.name!r} no file is kept: it was imported by an older version. Import its whole file "
-            "once."
-        )
+        raise RoadsError(say("roads.no_file_kept", region=region.name))
     try:
         file = mirror.fetch(place, region.file_uri, region.file_sha256)
     except mirror.MirrorError as error:
-        raise RoadsError(
-            f"The file of region {region.name!r} is lost: {error} Import its whole file again."
-        ) from error
+        raise RoadsError(say("roads.file_lost_by", region=region.name, error=error)) from error
     if not file.is_file():
-        raise RoadsError(f"The file of region {region.name!r} is lost. Import its whole file again.")
+        raise RoadsError(say("roads.file_lost", region=region.name))
     return file
 
 

@@ -17,6 +17,7 @@ from sqlalchemy import Row, text
 from sqlalchemy.orm import Session
 
 from app.core.db import Bounds
+from app.core.messages import say
 from fusion.errors import RoadsError
 
 _EXTENT = text("""
@@ -164,10 +165,7 @@ def region_name(file_name: str) -> str:
 def check_name(name: str) -> str:
     """The name, as given; ``RoadsError`` for one that cannot be a region's."""
     if not name or len(name) > LONGEST_NAME or _UNUSUAL.search(name):
-        raise RoadsError(
-            f"A region's name has 1 to {LONGEST_NAME} letters, digits, points, hyphens and underscores: {name!r} "
-            "cannot be one."
-        )
+        raise RoadsError(say("roads.region_name", most=LONGEST_NAME, name=name))
     return name
 
 
@@ -186,8 +184,8 @@ def known_region(session: Session, name: str) -> Region:
     """The region of this name; ``RoadsError`` where there is none, with those that there are."""
     if (region := find_region(session, name)) is None:
         names = [one.name for one in all_regions(session)]
-        there = f"There are: {', '.join(names)}." if names else "There is none yet."
-        raise RoadsError(f"There is no region {name!r}. {there}")
+        there = say("roads.there_are", names=", ".join(names)) if names else say("roads.none_yet")
+        raise RoadsError(say("roads.no_region", name=name, there=there))
     return region
 
 
@@ -197,9 +195,7 @@ def changed_region(session: Session, name: str | None, file_name: str) -> Region
     guess = region_name(file_name) if len(names) != 1 or region_name(file_name) in names else names[0]
     if name is None and guess not in names:
         there = ", ".join(names) or "there is none yet"
-        raise RoadsError(
-            f"{file_name} holds changes, and it is not clear of which region ({there}). Name it with --region."
-        )
+        raise RoadsError(say("roads.changes_of_which", file=file_name, there=there))
     return known_region(session, guess if name is None else name)
 
 

@@ -30,6 +30,7 @@ from app.core import mirror
 from app.core.db import Bounds, Sessions
 from app.core.durable import rename_durably
 from app.core.filesystems import full_is_told, require_room
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.settings.places import GIB, FilePlace
 from app.terrain.store import DemSource, local_raster, retired_rasters, set_sources, sources_of_all
@@ -82,8 +83,12 @@ def copy_raster(path: Path, folder: Path, limits: Limits, progress: Progress) ->
             return target if source is path else source
     except (RasterioError, OSError) as error:
         raise TerrainError(
-            f"{path.name} cannot be copied to {folder.parent.parent}: {str(error).rstrip('.')}. Check the file and "
-            "that there is room, and import it again."
+            say(
+                "raster.cannot_be_copied",
+                file=path.name,
+                folder=folder.parent.parent,
+                error=str(error).rstrip("."),
+            )
         ) from error
 
 
@@ -106,9 +111,13 @@ def _to_be_rewritten(source: Path, limits: Limits) -> bool:
         return several or not _is_complete(source)
     if raster.posts_count > limits.max_posts:
         raise TerrainError(
-            f"{source.name} has {raster.rows} x {raster.columns} posts, and the service takes {limits.max_posts} of a "
-            "raster at most (VERSANT_MAX_RASTER_POSTS). Cut it to where the roads are, or import it by `versant "
-            "import-dem` where the service runs."
+            say(
+                "raster.too_large",
+                file=source.name,
+                rows=raster.rows,
+                columns=raster.columns,
+                most=limits.max_posts,
+            )
         )
     return False
 
@@ -141,18 +150,14 @@ def _unpack(path: Path, target: Path, limits: Limits, progress: Progress) -> Pat
 
         def written(done: int) -> None:
             if done > most:
-                raise TerrainError(
-                    f"{path.name} unpacks to more than {most >> 20} MiB, which no raster of its size does or the "
-                    "service takes (VERSANT_MAX_IMPORT_BYTES). Give the raster itself, or a smaller part of it."
-                )
+                raise TerrainError(say("raster.bomb", file=path.name, most_mib=most >> 20))
             _report(progress, "unpacking", packed.tell(), path)
 
         try:
             _write(plain, target, limits, written)
         except (gzip.BadGzipFile, EOFError, zlib.error) as error:
             raise TerrainError(
-                f"{path.name} cannot be unpacked: {str(error).rstrip('.')}. Download it again, or give the raster "
-                "itself."
+                say("raster.cannot_be_unpacked", file=path.name, error=str(error).rstrip("."))
             ) from error
     return target
 
@@ -301,6 +306,4 @@ def _send(path: Path, dem_dir: FilePlace, names: Sequence[str]) -> None:
     try:
         mirror.send(dem_dir, names)
     except mirror.MirrorError as error:
-        raise TerrainError(
-            f"{path.name} cannot be kept: {error} See to the storage of VERSANT_DEM_URL and import it again."
-        ) from error
+        raise TerrainError(say("raster.cannot_be_kept", file=path.name, error=error)) from error

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.core.db import Sessions
+from app.core.messages import say
 from app.core.settings.places import FilePlace
 from app.core.telemetry.events import imported
 from app.network.locks import own_network
@@ -39,7 +40,7 @@ def import_dem(
 ) -> DemSet:
     """Add elevation rasters to the active set; ``TerrainError`` for one that cannot be used."""
     if not paths:
-        raise TerrainError("No elevation raster was named. Give one or more GeoTIFF, VRT or .hgt files.")
+        raise TerrainError(say("raster.none_named"))
     stored = store_files(paths, dem_dir, progress, limits)
     return add_dem(sessions, stored, dem_dir, progress, priority=priority)
 

@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 
 from app.core import mirror
 from app.core.db import Bounds
+from app.core.messages import say
 from app.core.settings.places import FilePlace
 from fusion.errors import TerrainError
 from fusion.types import Floats, Ints
@@ -100,9 +101,7 @@ def local_raster(place: FilePlace, source: DemSource) -> Path:
     try:
         return mirror.fetch(place, source.uri, source.sha256)
     except mirror.MirrorError as error:
-        raise TerrainError(
-            f"The elevation raster {error} See to the storage of VERSANT_DEM_URL, then ask for it again."
-        ) from error
+        raise TerrainError(say("raster.lost", error=error)) from error
 
 
 _ACTIVE = text("SELECT id, datum, imported_at, sources FROM dem_versions WHERE active")
@@ -153,7 +152,7 @@ def chosen(sources: Sequence[DemSource], names: Collection[str]) -> list[DemSour
     for name in names:
         if name.casefold() not in by_name:
             raise TerrainError(
-                f"There is no elevation raster {name}. There are: {', '.join(s.name for s in sources) or 'none'}."
+                say("raster.no_such", name=name, names=", ".join(s.name for s in sources) or "none")
             )
     return list(dict.fromkeys(by_name[name.casefold()] for name in names))
 

@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
 from fusion.formats.base import LogFormat, Notes, refuse_many
-from fusion.formats.container import UPLOAD_INSTEAD, Member, is_zip, load, members, refuse, shown_name
+from fusion.formats.container import Member, is_zip, load, members, refuse, shown_name
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.glance import HEAD_BYTES, Ends, Glance
 from fusion.formats.gpx import GpxFormat
@@ -27,6 +27,7 @@ from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import UCenterFormat
 from fusion.formats.upload_bundle import Part, join
 from fusion.formats.versant_csv import VersantCsvFormat
+from fusion.messages import Message, message_of, say
 from fusion.registry import Registry, check_columns
 from fusion.signals import Navigation
 from fusion.types import DriveLog, Progress, no_progress
@@ -97,7 +98,7 @@ def read_logs(
     there is nothing else. Raises as ``read_log``.
     """
     if not sources:
-        raise EmptyLogError("No file was given. Upload the log of a drive.")
+        raise EmptyLogError(say("log.no_file"))
     if len(sources) == 1:
         return read_log(sources[0], columns=columns, max_bytes=max_bytes, progress=progress)
     check_columns(columns or {})
@@ -150,7 +151,10 @@ def sort_files(
 
 def in_short(error: LogError) -> str:
     """What is said of one file among several: without the list of what is read."""
-    return str(error).partition(UPLOAD_INSTEAD)[0]
+    reason = message_of(error)
+    return (
+        reason.parameters["what"] if isinstance(reason, Message) and reason.key == "log.unknown" else reason
+    )
 
 
 def _files_of(sources: Sequence[Source], names: Sequence[str], job: _Job) -> list[Member]:
@@ -181,9 +185,7 @@ def _read_single(name: str, data: bytes, job: _Job) -> DriveLog:
     """Read a file that holds a whole drive."""
     chosen = _format_of(data[:HEAD_BYTES], name, job.columns)
     if job.columns and not chosen.has_named_columns:
-        job.notes.warn(
-            f"The names given for columns are not used: a {chosen.description} has no columns to name."
-        )
+        job.notes.warn(say("columns.unused", description=chosen.description))
     return _with_notes(_read_as(chosen, data, job.progress, None), job.notes)
 
 
@@ -191,8 +193,8 @@ def _format_of(head: bytes, name: str, columns: Mapping[str, str]) -> LogFormat:
     """Recognise the format of a file; it learns the file's name and the names that a person gave for columns."""
     chosen = next((f for _, f in FORMATS.items() if f.recognises(head)), None)
     if chosen is None:
-        supported = ", ".join(f"{f.description} ({', '.join(f.suffixes)})" for _, f in FORMATS.items())
-        raise refuse(head, f"{supported}, each also gzipped, or several of one drive in a zip")
+        kinds = [say("log.kind", kind=f.description, suffixes=list(f.suffixes)) for f in FORMATS.values()]
+        raise refuse(head, say("log.supported", kinds=kinds))
     return chosen.with_columns(columns).with_name(name)
 
 
@@ -228,7 +230,7 @@ def _read_as(chosen: LogFormat, data: bytes, progress: Progress, navigation: Nav
             return chosen.read_part(data, progress, navigation)
         return chosen.read(data, progress)
     except MemoryError as error:
-        raise MalformedLogError("The log needs more memory than there is. Split the recording.") from error
+        raise MalformedLogError(say("log.needs_memory")) from error
 
 
 def _usable(log: DriveLog) -> DriveLog:
@@ -262,7 +264,7 @@ def _read_bundle(members: list[Member], job: _Job) -> DriveLog:
         except (EmptyLogError, MalformedLogError) as error:
             errors.append(error)
             notes.skip("files that cannot be used", 1)
-            notes.warn(f"{file.name} was left out. {error}")
+            notes.warn(say("log.left_out", name=file.name, error=error))
             continue
         if log.raw is not None:
             navigation = navigation.joined(log.raw.navigation)
@@ -282,11 +284,8 @@ def _warn_of_several(parts: list[Part], notes: Notes) -> None:
     drives = grouped([Glance.of(part.log) for part in parts]).drives
     if len(drives) > 1:
         begin = ", ".join(parts[drive[0]].name for drive in drives[:MOST_NAMED])
-        more = f" and {len(drives) - MOST_NAMED} more" if len(drives) > MOST_NAMED else ""
-        notes.warn(
-            f"These files were read as one drive and look like {len(drives)}, which begin with {begin}{more}. Upload "
-            "them again without saying that they are one, and remove this drive."
-        )
+        more = say("more", n=len(drives) - MOST_NAMED) if len(drives) > MOST_NAMED else ""
+        notes.warn(say("log.many_drives", n=len(drives), begin=begin, more=more))
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.glance import NO_DATE, Ends, Glance
+from fusion.messages import say
 from fusion.signals import Navigation, RawGnss
 from fusion.types import (
     Bools,
@@ -42,10 +43,7 @@ MAX_POSITIONS = 2_000_000
 MAX_SIGNALS = 500_000
 """Signals of satellites in one log: as long as its positions are computed they cost much more."""
 
-UNDATED = (
-    "The log names no date: its times are placed in the first week of January 1980. Order and intervals are "
-    "right, the calendar is not."
-)
+UNDATED = say("log.no_date")
 OUT_OF_ORDER = "GnssFix: out of order"
 """What ``GnssFix.assemble`` counts; read here to say it in words."""
 
@@ -146,7 +144,7 @@ class Notes:
         if example:
             before = self._examples.pop(reason, None)
             total, first = (before[0] + count, before[1]) if before else (count, example)
-            sentence = f"Skipped {total} x {reason}; the first: {first}."
+            sentence = say("log.skipped", n=total, reason=reason, first=first)
             if before:
                 self.warnings[self.warnings.index(before[2])] = sentence
             else:
@@ -158,17 +156,17 @@ class Notes:
     def sift(
         self,
         faults: Iterable[tuple[str, Bools]],
-        say: Callable[[int], str] | None = None,
+        tell: Callable[[int], str] | None = None,
         *,
         position: bool = False,
     ) -> Bools:
         """Which rows have none of the ``faults`` (reason, mask); a faulty row is counted under its first one.
 
-        ``say`` tells of the first row of a reason where it is and what is wrong; ``position`` as for ``skip``.
+        ``tell`` says of the first row of a reason where it is and what is wrong; ``position`` as for ``skip``.
         """
         good, hits = _sieved(faults)
         for first, reason, count in hits:
-            self.skip(reason, count, say(first) if say else "", position=position)
+            self.skip(reason, count, tell(first) if tell else "", position=position)
         return good
 
     def undated(self) -> None:
@@ -206,9 +204,7 @@ def refuse_many(positions: int, signals: int = 0) -> None:
         (signals, MAX_SIGNALS, "signals of satellites"),
     ):
         if count > most:
-            raise MalformedLogError(
-                f"The log holds more than {most} {what}, which is more than one drive has. Split the recording."
-            )
+            raise MalformedLogError(say("log.too_many", most=most, what=what))
 
 
 def usable_positions(
@@ -221,27 +217,30 @@ def usable_positions(
     """
     need = np.ones(len(time_s), bool) if need is None else need
     faults: dict[str, tuple[Bools, Callable[[int], str]]] = {
-        "without a time": (~np.isfinite(time_s), lambda i: "it has no time"),
+        "without a time": (~np.isfinite(time_s), lambda i: say("fault.no_time")),
         "impossible time": ((time_s < MIN_TIME_S) | (time_s > MAX_TIME_S),
-                            lambda i: f"the time is {_calendar(float(time_s[i]))}, outside 1980..2100"),
+                            lambda i: say("fault.impossible_time", time=_calendar(float(time_s[i])))),
         "incomplete position": (need & ~(np.isfinite(lat_deg) & np.isfinite(lon_deg)),
-                                lambda i: "the latitude or the longitude is missing"),
-        "latitude out of range": (np.abs(lat_deg) > 90, lambda i: f"lat_deg is {lat_deg[i]:.9g}, outside -90..90"),
+                                lambda i: say("fault.incomplete")),
+        "latitude out of range": (np.abs(lat_deg) > 90, lambda i: say("fault.latitude", lat_deg=lat_deg[i])),
         "longitude out of range": (np.abs(lon_deg) > 180,
-                                   lambda i: f"lon_deg is {lon_deg[i]:.9g}, outside -180..180"),
+                                   lambda i: say("fault.longitude", lon_deg=lon_deg[i])),
         "position 0, 0": (need & (lat_deg == 0) & (lon_deg == 0),
-                          lambda i: "the position is 0, 0, as written without a fix"),
+                          lambda i: say("fault.zero")),
     }  # fmt: skip
     good, hits = _sieved((reason, bad) for reason, (bad, _) in faults.items())
     for first, reason, count in sorted(hits):  # in the order of the rows
-        notes.skip(reason, count, f"{place(first)}: {faults[reason][1](first)}", position=True)
+        notes.skip(
+            reason, count, say("fault.at", place=place(first), fault=faults[reason][1](first)), position=True
+        )
     return good
 
 
 def _calendar(time_s: float) -> str:
     year = 1970 + time_s / 31556952.0
-    about = f" (about the year {year:.0f})" if 0 < year < 1e6 else ""
-    return f"{time_s:.14g} s{about}"
+    if not 0 < year < 1e6:
+        return f"{time_s:.14g} s"
+    return say("fault.about_year", time_s=f"{time_s:.14g}", year=f"{year:.0f}")
 
 
 def ground_velocity(speed_mps: Floats, heading_rad: Floats) -> tuple[Floats, Floats]:
@@ -304,15 +303,15 @@ def build_log(
     """
     fix = tables.setdefault("fix", GnssFix.empty())
     if not len(fix) and not (raw is not None and len(raw.signals)) and not part:
-        why = f" The first: {notes.first_offender}." if notes.first_offender else ""
-        advice = advice or "Check that the recording had satellite reception and upload it again."
+        why = say("log.first", fault=notes.first_offender) if notes.first_offender else ""
+        advice = advice or say("advice.reception")
         raise EmptyLogError(
-            f"This {kind.description} holds no usable position.{why} {advice}",
+            say("log.no_position", description=kind.description, why=why, advice=advice),
             where=notes.first_offender.split(":")[0] or None,
         )
     disorder = notes.repaired[OUT_OF_ORDER]
     if disorder:
-        notes.warn(f"{disorder} of the positions stand before an earlier one: they were sorted by time.")
+        notes.warn(say("log.sorted", n=disorder))
     for name, table in tables.items():
         sane = is_possible_time(table.time_s)
         if not sane.all():  # the reason was given with the positions

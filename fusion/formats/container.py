@@ -17,6 +17,7 @@ from typing import BinaryIO
 
 from fusion.errors import LogError, MalformedLogError, UnknownFormatError
 from fusion.formats.base import Notes
+from fusion.messages import say
 from fusion.types import Progress
 
 CHUNK_BYTES = 1 << 20
@@ -24,7 +25,6 @@ BOMB_RATIO = 200
 """Logs compress 3 to 30 times; more than this beyond ``BOMB_FREE_BYTES`` is an attack or an accident."""
 BOMB_FREE_BYTES = 64 << 20
 GZIP_MAGIC = b"\x1f\x8b"
-UPLOAD_INSTEAD = " Upload a recorded drive"
 TRUNCATED = "gzip truncated: read to the end"
 
 _MAGIC: tuple[tuple[int, bytes, str], ...] = (
@@ -63,12 +63,9 @@ def load(source: bytes | Path | BinaryIO, max_bytes: int, notes: Notes, progress
         packed = len(data)
         data = gunzip(data, max_bytes, notes, progress)
         if not data and notes.repaired[TRUNCATED]:
-            raise MalformedLogError(
-                f"The file holds the beginning of a gzip and nothing else: its {_size(packed)} end before the "
-                "first byte of a log. Upload the whole file."
-            )
+            raise MalformedLogError(say("gzip.beginning_only", size=_size(packed)))
     if data[:2] == GZIP_MAGIC:
-        raise MalformedLogError("The file is gzipped more than twice. Unpack it and upload the log itself.")
+        raise MalformedLogError(say("gzip.nested"))
     return data
 
 
@@ -83,11 +80,9 @@ def _read(source: bytes | Path | BinaryIO, max_bytes: int) -> bytes:
             else:
                 data = _all_of(source, max_bytes)
         except OSError as error:
-            raise LogError(f"The log cannot be read: {error.strerror or error}. Check the path.") from error
+            raise LogError(say("log.unreadable", reason=error.strerror or error)) from error
     if len(data) > max_bytes:
-        raise MalformedLogError(
-            f"The log is larger than the {_size(max_bytes)} that are read at most. Split the recording."
-        )
+        raise MalformedLogError(say("log.too_large", size=_size(max_bytes)))
     return data
 
 
@@ -127,7 +122,7 @@ def gunzip(data: bytes, max_bytes: int, notes: Notes, progress: Progress) -> byt
         used -= len(member.unused_data)
         if not member.eof:
             notes.repaired[TRUNCATED] += 1
-            notes.warn(f"The gzip stream ends early: only its first {out.tell()} unpacked bytes are used.")
+            notes.warn(say("gzip.ends_early", n=out.tell()))
     return out.getvalue()
 
 
@@ -149,27 +144,19 @@ def up_to_damage(member: zlib._Decompress, feed: bytes | memoryview) -> bytes:
 
 def _say_damaged(unpacked: int, error: zlib.error, notes: Notes) -> None:
     if not unpacked:
-        raise MalformedLogError(
-            f"The gzip stream is damaged from its start ({error}). Compress the log again."
-        ) from error
+        raise MalformedLogError(say("gzip.damaged", error=error)) from error
     if "incorrect data check" in str(error) or "incorrect length check" in str(error):
         notes.repaired["gzip checksum wrong: read all the same"] += 1
-        notes.warn(
-            f"The gzip checksum does not match: the {unpacked} bytes unpacked up to it are used, though some of "
-            "them may be damaged."
-        )
+        notes.warn(say("gzip.checksum", unpacked=unpacked))
         return
     notes.repaired["gzip damaged: read up to the damage"] += 1
-    notes.warn(f"The gzip stream is damaged after {unpacked} unpacked bytes: only what comes before is used.")
+    notes.warn(say("gzip.damaged_after", unpacked=unpacked))
 
 
 def _refuse_bomb(unpacked: int, packed: int, max_bytes: int) -> None:
     ratio_bomb = unpacked > BOMB_FREE_BYTES and unpacked > BOMB_RATIO * max(packed, 1)
     if unpacked > max_bytes or ratio_bomb:
-        raise MalformedLogError(
-            f"This gzip looks like a zip bomb: {_size(packed)} of it unpack to over {_size(unpacked)}. "
-            "Upload a log that unpacks to less."
-        )
+        raise MalformedLogError(say("gzip.bomb", size=_size(packed), unpacked=_size(unpacked)))
 
 
 def _size(count: int) -> str:
@@ -181,14 +168,14 @@ def _size(count: int) -> str:
 
 def refuse(head: bytes, supported: str) -> UnknownFormatError:
     """The error for bytes that no format recognises; ``supported`` lists what is read."""
-    if not head:
-        return UnknownFormatError(f"The file is empty.{UPLOAD_INSTEAD}: {supported}.", where="byte 0")
     kind = looks_like(head)
-    if kind:
-        say = f"The file looks like {kind}, not like a drive log."
+    if not head:
+        what = say("log.is_empty")
+    elif kind:
+        what = say("log.looks_like", kind=kind)
     else:
-        say = "The file is in no format that is known here."
-    return UnknownFormatError(f"{say}{UPLOAD_INSTEAD}: {supported}.", where="byte 0")
+        what = say("log.no_format")
+    return UnknownFormatError(say("log.unknown", what=what, supported=supported), where="byte 0")
 
 
 def looks_like(head: bytes) -> str:
@@ -256,9 +243,7 @@ def members(data: bytes, max_bytes: int, notes: Notes) -> list[Member]:
             if any(i.filename in _OTHER_DOCUMENTS for i in infos):
                 return []
             if len(infos) > MOST_MEMBERS:
-                raise MalformedLogError(
-                    f"The zip holds {len(infos)} files; {MOST_MEMBERS} are read at most. Upload those of one drive."
-                )
+                raise MalformedLogError(say("zip.too_many", n=len(infos), most=MOST_MEMBERS))
             return list(_unpacked(archive, infos, max_bytes, notes))
     except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError, EOFError):
         return []
@@ -271,10 +256,10 @@ def _unpacked(
     for info in infos:
         name = shown_name(info.filename)
         if info.flag_bits & 1:
-            notes.warn(f"{name} in the zip is encrypted and was left out.")
+            notes.warn(say("zip.encrypted", name=name))
             continue
         if info.compress_type not in _READ:
-            notes.warn(f"{name} in the zip is packed in an unusual way and was left out. Pack it by Deflate.")
+            notes.warn(say("zip.unusual", name=name))
             continue
         content = _content(archive, info, bytes_left, notes)
         bytes_left -= len(content)
@@ -292,12 +277,13 @@ def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, max_bytes: int, no
                 bomb = len(out) > BOMB_FREE_BYTES and len(out) > BOMB_RATIO * max(info.compress_size, 1)
                 if bomb or len(out) > max_bytes:
                     raise MalformedLogError(
-                        f"This zip looks like a zip bomb: {shown_name(info.filename)} brings what it unpacks to over "
-                        f"{max_bytes if not bomb else len(out)} bytes. Upload files that unpack to less."
+                        say(
+                            "zip.bomb",
+                            name=shown_name(info.filename),
+                            size=max_bytes if not bomb else len(out),
+                        )
                     )
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError):
         notes.repaired["damaged files in the zip"] += 1
-        notes.warn(
-            f"{shown_name(info.filename)} in the zip is damaged: what comes before the damage is used."
-        )
+        notes.warn(say("zip.damaged", name=shown_name(info.filename)))
     return bytes(out)

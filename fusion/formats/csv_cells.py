@@ -18,6 +18,7 @@ from fusion.formats.base import Notes, number_or_nan
 from fusion.formats.csv_header import LINE_END, Layout
 from fusion.formats.csv_names import DATE, GPS_TIME, TIME, Cell
 from fusion.formats.time_texts import times_of
+from fusion.messages import say
 from fusion.signals import unix_from_gps
 from fusion.types import Floats, Ints, Progress
 
@@ -55,7 +56,11 @@ class Block:
 
     def place(self, row: int) -> str:
         """``line 7`` for a row number from 0."""
-        return f"line {self._lines[min(row, len(self._lines) - 1)]}" if len(self._lines) else f"row {row + 1}"
+        return (
+            say("place.line", n=self._lines[min(row, len(self._lines) - 1)])
+            if len(self._lines)
+            else say("place.row", n=row + 1)
+        )
 
 
 def read_blocks(data: bytes, layout: Layout, notes: Notes, progress: Progress) -> Iterator[Block]:
@@ -86,7 +91,9 @@ def _parse(body: bytes, line: int, layout: Layout, notes: Notes) -> Block:
     if block.ragged:
         # numbers of ragged rows count every row that is not blank
         rows = Block(body, line, {}, [])
-        example = f"{rows.place(block.ragged[0] - 1)}: not {len(layout.header.cells)} cells as in the header"
+        example = say(
+            "csv.cells_of_row", place=rows.place(block.ragged[0] - 1), cells=len(layout.header.cells)
+        )
         notes.skip("rows with a wrong number of cells", len(block.ragged), example, position=True)
     dates = cells.column(f"c{layout.known[DATE].index}").to_pylist() if DATE in layout.known else None
     for name, cell in layout.known.items():
@@ -156,13 +163,10 @@ def _cells_of(body: bytes, layout: Layout, ragged: list[int]) -> tuple[pa.Table,
         except pa.ArrowInvalid:
             return convert(pa.string()), True
     except pa.ArrowException as error:
-        raise MalformedLogError(f"This CSV cannot be split into cells: {error}. Export it again.") from error
+        raise MalformedLogError(say("csv.no_cells", error=error)) from error
 
 
-NO_OFFSET = (
-    "Times without a UTC offset (such as Z) are taken as UTC: if they were local, the drive is placed at another hour, "
-    "and its slopes are the same."
-)
+NO_OFFSET = say("csv.local_times")
 
 
 def _times(
@@ -176,7 +180,7 @@ def _times(
     has_text = np.array([bool(t) for t in texts], bool)
     bad = np.flatnonzero(has_text & np.isnan(out))
     if len(bad):
-        example = f"{block.place(int(bad[0]))}: time is {texts[bad[0]][:40]!r}"
+        example = say("csv.time_is", place=block.place(int(bad[0])), text=texts[bad[0]][:40])
         notes.skip("cells that are no time", len(bad), example, position=True)
     return out, bool(bare.any())
 

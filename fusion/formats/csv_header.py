@@ -12,6 +12,7 @@ from fusion.errors import MalformedLogError
 from fusion.formats import csv_names
 from fusion.formats.base import Notes
 from fusion.formats.csv_names import DATE, Cell, Known, Schema
+from fusion.messages import say
 from fusion.registry import LOG_COLUMNS
 
 COLUMNS = LOG_COLUMNS
@@ -89,11 +90,10 @@ def understood_header(data: bytes, schema: Schema) -> tuple[Known, Header]:
     Raises ``MalformedLogError`` naming the required columns that it lacks, or one that a person named and it has not.
     """
     header = header_of(data)
-    cells, where = header.cells, f"line {header.number}"
+    cells, where = header.cells, say("place.line", n=header.number)
     if len(cells) > MOST_CELLS:
         raise MalformedLogError(
-            f"The first line of this CSV, {where}, has {len(cells)} cells; {MOST_CELLS} are read at most. Put a "
-            "header before the rows.",
+            say("csv.too_many_cells", where=where, cells=len(cells), most=MOST_CELLS),
             where=where,
         )
     columns = (schema.understood or csv_names.known_columns)(cells, schema)
@@ -158,7 +158,7 @@ def layout_of(data: bytes, notes: Notes, schema: Schema, *, lines_before: int = 
             notes.warn(sentence)
     twice = sorted(c for c, times in Counter(header.names).items() if times > 1 and c in columns.cells)
     if twice:
-        notes.warn(f"The CSV names columns twice, of which the first is used: {', '.join(twice)}.")
+        notes.warn(say("csv.named_twice", twice=", ".join(twice)))
     at = header.at + len(header.line)
     rest = _REST_OF_LINE.match(data, at)
     at = rest.end() if rest else at

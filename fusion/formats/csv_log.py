@@ -21,6 +21,7 @@ from fusion.formats.base import (
 from fusion.formats.csv_cells import Block, read_blocks
 from fusion.formats.csv_header import COLUMNS
 from fusion.formats.csv_names import GPS_TIME, PRESSURE_OF_VEHICLE, UNSTATED_SPEED, Schema
+from fusion.messages import say
 from fusion.types import (
     AngularRate,
     Attitude,
@@ -81,14 +82,9 @@ class _SpeedUnit:
         fitting = [(name, factor) for name, factor, low, high in _SPEED_UNITS if low <= ratio < high]
         if fitting:
             self.factor = fitting[0][1]
-            notes.warn(
-                f"The unit of the speed is not named: taken as {fitting[0][0]}, as the positions move."
-            )
+            notes.warn(say("csv.speed_unit_taken", unit=fitting[0][0]))
         elif not self.seen:
-            notes.warn(
-                "The unit of the speed is not named and the positions do not tell it: the speed is left out. Name the "
-                "column Speed (km/h), or whatever it is."
-            )
+            notes.warn(say("csv.speed_unit_unknown"))
         self.seen = True
 
 
@@ -138,10 +134,7 @@ def _drop_coarse_pressure(tables: dict[str, SensorTable], notes: Notes) -> None:
     steps = np.diff(np.unique(np.round(pressure.pressure_pa[np.isfinite(pressure.pressure_pa)], 1)))
     if len(steps) and float(np.median(steps)) > _COARSE_PA and len(steps) < len(pressure) / 10:
         del tables["pressure"]
-        notes.warn(
-            f"The barometer has steps of {np.median(steps) / 100:.1f} hPa, {np.median(steps) / 12:.0f} m of height: "
-            "left out, since slopes cannot be told from it."
-        )
+        notes.warn(say("csv.coarse_barometer", step_hpa=np.median(steps) / 100, step_m=np.median(steps) / 12))
 
 
 def _joined(parts: list[SensorTable], notes: Notes) -> SensorTable:

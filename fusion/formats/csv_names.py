@@ -14,6 +14,7 @@ from difflib import get_close_matches
 from itertools import product
 
 from fusion.errors import MalformedLogError
+from fusion.messages import joined, say
 from fusion.registry import LOG_COLUMNS
 
 DATE, TIME = "_date", "time"
@@ -157,10 +158,9 @@ def _named(header: Sequence[str], named: Mapping[str, str], *, part: bool) -> di
             if part:
                 continue
             near = get_close_matches(_plain(theirs), plain, 1, 0.6)
-            hint = f" Did you mean {header[plain.index(near[0])][:_SHOWN]!r}?" if near else ""
+            hint = say("columns.near", near=header[plain.index(near[0])][:_SHOWN]) if near else ""
             raise MalformedLogError(
-                f"columns: the header has no {theirs[:60]!r}, which was to be {ours}.{hint} It names: "
-                f"{shown_header(header)}."
+                say("columns.no_such", theirs=theirs[:60], ours=ours, hint=hint, names=shown_header(header))
             )
         index = plain.index(_plain(theirs))
         dimension = next((d for o, d in _NAMES.values() if o == ours), "")
@@ -231,7 +231,7 @@ def _converted(cell: Cell) -> str:
 
 def shown_header(header: Sequence[str]) -> str:
     """The names of a header for a message."""
-    more = f" and {len(header) - 30} more" if len(header) > 30 else ""
+    more = say("more", n=len(header) - 30) if len(header) > 30 else ""
     return ", ".join(cell[:_SHOWN] or "(empty)" for cell in header[:30]) + more
 
 
@@ -239,10 +239,7 @@ def taken_sentence(known: Known) -> str:
     """What was taken for what, in a sentence; empty where all names are ours."""
     if not known.taken:
         return ""
-    return (
-        f"Columns were taken by their names: {', '.join(known.taken)}. Where that is wrong, say what is what by "
-        "--columns."
-    )
+    return say("csv.taken", taken=", ".join(known.taken))
 
 
 def unknown_sentence(known: Known, columns: Sequence[str]) -> str:
@@ -253,12 +250,10 @@ def unknown_sentence(known: Known, columns: Sequence[str]) -> str:
     near: list[str] = []
     for name in known.unknown[:_MOST_SHOWN]:
         if match := nearest(name, free):
-            near.append(
-                f" {name[:_SHOWN]} is not known; did you mean {match}? Name it by --columns {match}={name[:_SHOWN]}."
-            )
+            near.append(say("csv.unknown_near", name=name[:_SHOWN], match=match))
     shown = ", ".join(repr(name[:_SHOWN]) for name in known.unknown[:_MOST_SHOWN])
-    more = f" and {len(known.unknown) - _MOST_SHOWN} more" if len(known.unknown) > _MOST_SHOWN else ""
-    return f"The CSV has columns that are not known here and were left out: {shown}{more}.{''.join(near)}"
+    more = say("more", n=len(known.unknown) - _MOST_SHOWN) if len(known.unknown) > _MOST_SHOWN else ""
+    return joined([say("csv.unknown", names=shown, more=more), *near])
 
 
 def nearest(name: str, columns: Sequence[str]) -> str:
@@ -275,12 +270,10 @@ def missing_sentence(missing: Sequence[str], header: Sequence[str], line: int) -
         for cell in header
         if nearest(cell, [column.split()[0]])
     ]
-    hint = f" Perhaps: {' '.join(f'--columns {one}' for one in near)}." if near else ""
-    return (
-        f"This CSV lacks required columns: {', '.join(missing)}. Its header, line {line}, names: "
-        f"{shown_header(header)}.{hint} Rename the columns, add them, or say by --columns NAME=ITS_NAME which is "
-        "which; all others are optional."
-    )
+    shown = {"missing": list(missing), "line": line, "names": shown_header(header)}
+    if not near:
+        return say("csv.missing", **shown)
+    return say("csv.missing_near", **shown, near=near, options=" ".join(f"--columns {one}" for one in near))
 
 
 assert all(ours in LOG_COLUMNS or ours.startswith("_") for ours, _ in _NAMES.values())  # noqa: S101 - a table of names

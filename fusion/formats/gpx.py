@@ -22,6 +22,7 @@ from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log, fix_and_velocity, usable_positions
 from fusion.formats.glance import Ends
 from fusion.formats.xml_points import Layout, Points, excerpt, read_points
+from fusion.messages import say
 from fusion.types import Bools, DriveLog, Floats, Odometry, Progress, SensorTable
 
 HEAD_BYTES = 8192
@@ -48,13 +49,8 @@ class GpxFormat(LogFormat):
     name = "gpx"
     description = "GPX file"
     suffixes = (".gpx",)
-    altitude_advice = (
-        "Export the recorded track with elevation (`<ele>`), as measured and not replaced by a map's."
-    )
-    doppler_advice = (
-        "GPX tracks have no vertical velocity: record with an app or receiver that writes more, such as "
-        "GnssLogger with measurements or UBX-NAV-PVT."
-    )
+    altitude_advice = say("advice.gpx_altitude")
+    doppler_advice = say("advice.gpx_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
@@ -70,14 +66,15 @@ class GpxFormat(LogFormat):
         points = read_points(data, LAYOUT, notes, progress)
         if not len(points):
             what = "routes or waypoints, but no track" if points.others else "no track"
-            raise EmptyLogError(f"This GPX file holds {what}. Export the recorded track, with times.")
+            raise EmptyLogError(say("gpx.no_track", kind=what))
         if not points.timed:
-            raise EmptyLogError(
-                f"None of the {len(points)} track points of this GPX file has a time, "
-                "so it tells no drive. Export the track with times (not a planned route)."
-            )
+            raise EmptyLogError(say("gpx.no_times", n=len(points)))
         good = usable_positions(
-            points.time_s, points.column("lat"), points.column("lon"), notes, lambda i: f"track point {i + 1}"
+            points.time_s,
+            points.column("lat"),
+            points.column("lon"),
+            notes,
+            lambda i: say("place.track_point", n=i + 1),
         )
         metres_as_hdop = METRES_AS_HDOP.search(_beginning(data)) is not None
         tables = _tables(points, good, metres_as_hdop, notes)

@@ -21,6 +21,7 @@ from itertools import combinations
 import numpy as np
 
 from fusion.formats.glance import Glance
+from fusion.messages import say
 from fusion.types import Floats
 
 CONTINUED_WITHIN_S = 300.0
@@ -98,15 +99,15 @@ def grouped(files: Sequence[Glance], rule: Rule = Rule.AUTO) -> Grouping:
 def why_left(file: Glance) -> str:
     """Why a file is in no drive, as a sentence."""
     if file.has_navigation:
-        return "It holds navigation data, and none of the files holds measurements of about that time."
+        return say("grouping.navigation")
     if not file.is_known:
-        return "It holds no positions, and nothing that tells to which of the drives it belongs."
-    return "It holds no positions, and none of the files that do was recorded at that time."
+        return say("grouping.unknown")
+    return say("grouping.no_positions_then")
 
 
 def why_repeated(same: str) -> str:
     """The sentence for a file of which another one, called ``same``, holds the same bytes."""
-    return f"It holds the same as {same}, and counts once."
+    return say("grouping.same", same=same)
 
 
 def _joined(

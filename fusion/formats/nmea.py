@@ -7,6 +7,7 @@ from fusion.formats.receiver.nmea_sentences import looks_like_nmea
 from fusion.formats.receiver.stream import read_stream
 from fusion.formats.ubx import UbxFormat
 from fusion.formats.ucenter import looks_like_dump
+from fusion.messages import say
 from fusion.types import DriveLog, Progress
 
 
@@ -16,13 +17,8 @@ class NmeaFormat(LogFormat):
     name = "nmea"
     description = "NMEA log"
     suffixes = (".nmea", ".txt", ".log")
-    altitude_advice = (
-        "Switch GGA sentences on at the receiver or app: the altitude is in them and in no other."
-    )
-    doppler_advice = (
-        "NMEA sentences have no vertical velocity: of a u-blox receiver record UBX-NAV-PVT instead, of a "
-        "phone GnssLogger with measurements."
-    )
+    altitude_advice = say("advice.nmea_altitude")
+    doppler_advice = say("advice.nmea_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

@@ -13,6 +13,7 @@ from fusion.formats import csv_header
 from fusion.formats.base import Data, LogFormat, Notes, build_log, is_possible_time, positive
 from fusion.formats.csv_cells import Block, read_blocks
 from fusion.formats.csv_names import Schema
+from fusion.messages import say
 from fusion.signals import (
     CARRIER_HZ,
     GLONASS,
@@ -59,14 +60,8 @@ class PseudorangesCsvFormat(LogFormat):
     name = "pseudoranges-csv"
     description = "CSV of pseudoranges"
     suffixes = (".csv",)
-    altitude_advice = (
-        "Heights are computed with the positions; what makes them better is an antenna with a free view of "
-        "the sky."
-    )
-    doppler_advice = (
-        "Add the column range_rate_mps (minus the Doppler shift times the wavelength): the vertical velocity "
-        "is computed from it."
-    )
+    altitude_advice = say("advice.pseudoranges_altitude")
+    doppler_advice = say("advice.pseudoranges_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
@@ -82,9 +77,9 @@ class PseudorangesCsvFormat(LogFormat):
         joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} if parts else {}
         signals = _signals(joined, notes) if joined else Signals.empty()
         if not len(signals):
-            why = f" The first fault: {notes.first_offender}." if notes.first_offender else ""
+            why = say("log.first_fault", fault=notes.first_offender) if notes.first_offender else ""
             raise EmptyLogError(
-                f"This {self.description} holds no usable pseudorange.{why} Check its times, satellites and numbers.",
+                say("pseudoranges.none", description=self.description, why=why),
                 where=notes.first_offender.split(":")[0] or None,
             )
         return build_log(self, notes, {}, raw=RawGnss(signals))
@@ -135,9 +130,7 @@ def _signals(col: dict[str, Floats], notes: Notes) -> Signals:
     keep = has_place if has_place.any() else np.ones(len(has_place), bool)
     if not keep.all():
         notes.skip("rows without the position of their satellite", int((~keep).sum()))
-        notes.warn(
-            f"{int((~keep).sum())} rows have no position of their satellite, as others have: left out."
-        )
+        notes.warn(say("pseudoranges.no_satellite", n=int((~keep).sum())))
     system = col["system"].astype(np.int64)
     usual = np.where(system == GLONASS, np.nan, CARRIER_HZ[system])  # GLONASS has one for every channel
     carrier = np.where(np.isfinite(col["frequency_hz"]), col["frequency_hz"], usual)

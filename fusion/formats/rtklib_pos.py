@@ -16,6 +16,7 @@ from fusion.formats.base import Data, LogFormat, Notes, build_log, positive, usa
 from fusion.formats.csv_cells import plain_columns
 from fusion.formats.time_texts import times_of
 from fusion.frames import geodetic
+from fusion.messages import say
 from fusion.signals import GPS_EPOCH_S, WEEK_S, unix_from_gps
 from fusion.types import DriveLog, Floats, GnssFix, GnssVelocity, Ints, Progress, SensorTable
 
@@ -46,13 +47,8 @@ class RtklibPosFormat(LogFormat):
     name = "rtklib-pos"
     description = "RTKLIB solution"
     suffixes = (".pos",)
-    altitude_advice = (
-        "Let RTKLIB write latitude, longitude and height (Lat/Lon/Height): every line then has a height."
-    )
-    doppler_advice = (
-        "Switch `Output Velocity` (out-outvel) on in RTKLIB, or upload the receiver's observations (RINEX, UBX) "
-        "instead."
-    )
+    altitude_advice = say("advice.rtklib_altitude")
+    doppler_advice = say("advice.rtklib_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
@@ -76,20 +72,14 @@ def _header(text: bytes) -> _Header:
     match = _HEADER.search(text[:65536])
     if match is None:
         raise MalformedLogError(
-            "This RTKLIB solution has no comment that names its columns. Export it with the header.",
+            say("rtklib.no_columns"),
             where="line 1",
         )
     columns = tuple(re.split(r"[ ,;\t]+", match.group("columns").decode("ascii", "replace").strip().lower()))
     if columns[0] == _KINDS[3]:
-        raise MalformedLogError(
-            "This RTKLIB solution holds baselines (E/N/U from a base station) and not positions: where the base is, it "
-            "does not say. Let RTKLIB write Lat/Lon/Height."
-        )
+        raise MalformedLogError(say("rtklib.baselines"))
     if columns[0] not in _KINDS:
-        raise MalformedLogError(
-            f"The first column of this RTKLIB solution is {columns[0][:40]!r}, which is not known here. Let RTKLIB "
-            "write Lat/Lon/Height."
-        )
+        raise MalformedLogError(say("rtklib.first_column", name=columns[0][:40]))
     comment = text[: match.start()].lower()
     return _Header(match.group("scale").decode().upper(), columns, b"/geodetic" in comment)
 
@@ -117,7 +107,7 @@ def _rows(text: bytes, header: _Header, notes: Notes) -> _Rows:
     good = (count == width) & (width >= least)
     if not good.all():
         first = int(np.argmin(good))
-        example = f"line {lines[first][0]}: {count[first]} cells instead of {width}"
+        example = say("rtklib.cells", line=lines[first][0], n=count[first], width=width)
         notes.skip("lines with another number of cells", int((~good).sum()), example, position=True)
     lines = [line for line, is_good in zip(lines, good, strict=True) if is_good]
     number = np.array([number for number, _ in lines], np.int64)
@@ -148,7 +138,7 @@ def _tables(rows: _Rows, header: _Header, notes: Notes) -> dict[str, SensorTable
         lat, lon, height = _from_ecef(cells[:, :3])
     else:
         lat, lon, height = cells[:, 0], cells[:, 1], cells[:, 2]
-    good = usable_positions(time_s, lat, lon, notes, lambda row: f"line {rows.line[row]}")
+    good = usable_positions(time_s, lat, lon, notes, lambda row: say("place.line", n=rows.line[row]))
     fix = GnssFix.assemble(
         time_s[good], notes.repaired, lat_deg=lat[good], lon_deg=lon[good],
         **{"alt_msl_m" if header.geodetic else "height_ell_m": height[good]},

@@ -15,6 +15,7 @@ from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log, usable_positions
 from fusion.formats.glance import Ends
 from fusion.formats.xml_points import Layout, Points, excerpt, read_points
+from fusion.messages import say
 from fusion.types import Bools, DriveLog, Floats, GnssFix, Odometry, Progress, SensorTable
 
 HEAD_BYTES = 8192
@@ -40,13 +41,8 @@ class TcxFormat(LogFormat):
     name = "tcx"
     description = "TCX file"
     suffixes = (".tcx",)
-    altitude_advice = (
-        "Upload the device's own FIT file instead, or a TCX file with `AltitudeMeters` as measured."
-    )
-    doppler_advice = (
-        "TCX files hold no vertical velocity: record every second on a device with a barometer and upload its FIT "
-        "file, or record a u-blox receiver's UBX-NAV-PVT."
-    )
+    altitude_advice = say("advice.tcx_altitude")
+    doppler_advice = say("advice.tcx_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
@@ -64,7 +60,9 @@ class TcxFormat(LogFormat):
         lat, lon, alt, speed = (points.column(name) for name in ("lat", "lon", "alt", "speed"))
         placed = np.isfinite(lat) | np.isfinite(lon)
         notes.skip("track points without a position", int((~placed).sum()))
-        good = usable_positions(points.time_s, lat, lon, notes, lambda i: f"track point {i + 1}", need=placed)
+        good = usable_positions(
+            points.time_s, lat, lon, notes, lambda i: say("place.track_point", n=i + 1), need=placed
+        )
         moving = good & (speed >= 0)
         here = good & placed
         fix = GnssFix.assemble(
@@ -78,23 +76,13 @@ class TcxFormat(LogFormat):
 def _refuse_undriven(points: Points) -> None:
     """Raise ``EmptyLogError`` for what nobody drove."""
     if points.others.get("Course") and not points.others.get("Activity"):
-        raise EmptyLogError(
-            "This TCX file holds a planned course, no recording. Export the recorded activity."
-        )
+        raise EmptyLogError(say("tcx.course"))
     if not len(points):
-        raise EmptyLogError(
-            "This TCX file holds no track. Export the recorded activity, with its track points."
-        )
+        raise EmptyLogError(say("tcx.no_track"))
     if not np.isfinite(points.column("lat")).any():
-        raise EmptyLogError(
-            f"None of the {len(points)} track points of this TCX file has a position: it was recorded indoors or "
-            "without satellite reception. Upload a recording with positions."
-        )
+        raise EmptyLogError(say("tcx.no_positions", n=len(points)))
     if not points.timed:
-        raise EmptyLogError(
-            f"None of the {len(points)} track points of this TCX file has a time, so it tells no drive. Export the "
-            "recorded activity with times."
-        )
+        raise EmptyLogError(say("tcx.no_times", n=len(points)))
 
 
 def _gaps(points: Points, here: Bools) -> Floats:

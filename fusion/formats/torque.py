@@ -12,6 +12,7 @@ from collections.abc import Collection
 from fusion.formats.csv_header import COLUMNS, from_utf16, header_of
 from fusion.formats.csv_log import DEVICE_AXES, DEVICE_TIME, NamedColumnsCsv
 from fusion.formats.csv_names import Cell, Known, Schema, known_columns
+from fusion.messages import say
 
 _MARKS = re.compile(
     r"device ?time|\bobd\b|engine (?:rpm|load|coolant)|^rpm\b|vehicle ?speed|\bg\([xyz]\)|from vehicle|coolant temp|"
@@ -32,11 +33,8 @@ class TorqueFormat(NamedColumnsCsv):
     name = "torque"
     description = "CSV of Torque or another OBD app"
     suffixes = (".csv",)
-    altitude_advice = "Tick `Altitude` under what Torque logs, and let it log GPS positions every second."
-    doppler_advice = (
-        "OBD apps log no vertical velocity: record with GnssLogger (measurements) or a u-blox receiver "
-        "(UBX-NAV-PVT) beside, and upload both files together."
-    )
+    altitude_advice = say("advice.torque_altitude")
+    doppler_advice = say("advice.torque_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

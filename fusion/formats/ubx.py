@@ -5,6 +5,7 @@ from __future__ import annotations
 from fusion.formats.base import Data, LogFormat
 from fusion.formats.receiver.stream import read_stream
 from fusion.formats.receiver.ubx_frames import SYNC, find_frames
+from fusion.messages import say
 from fusion.types import DriveLog, Progress
 
 
@@ -14,8 +15,8 @@ class UbxFormat(LogFormat):
     name = "ubx"
     description = "UBX file"
     suffixes = (".ubx",)
-    altitude_advice = "Switch UBX-NAV-PVT on at the receiver, which holds the altitude with its accuracy."
-    doppler_advice = "Switch UBX-NAV-PVT on at the receiver, which holds the velocity north, east and down."
+    altitude_advice = say("advice.ubx_altitude")
+    doppler_advice = say("advice.ubx_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""

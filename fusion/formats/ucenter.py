@@ -20,6 +20,7 @@ from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat, Notes
 from fusion.formats.receiver.stream import read_stream
 from fusion.formats.receiver.ubx_frames import frame
+from fusion.messages import say
 from fusion.types import DriveLog, Progress
 
 _CLASSES = rb"(?:NAV|ESF|HNR|RXM|MON|CFG|TIM|ACK|INF|SEC|AID|LOG)"
@@ -57,13 +58,8 @@ class UCenterFormat(LogFormat):
     name = "u-center"
     description = "u-center text dump"
     suffixes = (".txt", ".log")
-    altitude_advice = (
-        "Let NAV-PVT be listed in the messages view, or better upload the .ubx file that u-center records."
-    )
-    doppler_advice = (
-        "Let NAV-PVT be listed in the messages view (it holds velN, velE and velD), or better upload the .ubx "
-        "file that u-center records."
-    )
+    altitude_advice = say("advice.ucenter_altitude")
+    doppler_advice = say("advice.ucenter_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
@@ -76,12 +72,11 @@ class UCenterFormat(LogFormat):
         progress("read text", 1.0)
         if not stream:
             raise EmptyLogError(
-                "This u-center text dump shows no message with its content: the packet console lists names "
-                "only. Upload the recorded .ubx file itself.",
+                say("ucenter.names_only"),
                 where="line 1",
             )
         return read_stream(
-            stream, progress, self, notes=notes, place=lambda offset: f"line {line_of(offset)}"
+            stream, progress, self, notes=notes, place=lambda offset: say("place.line", n=line_of(offset))
         )
 
 
@@ -123,7 +118,7 @@ def _pieces(text: str, notes: Notes) -> Iterator[tuple[int, bytes | None]]:
             block_line = number
             broken = header is not None and header.group(1).split() != header.group(2).split()
             if broken:
-                example = "" if notes.warnings else f"line {number}"
+                example = "" if notes.warnings else say("place.line", n=number)
                 notes.skip("listed messages with a wrong checksum", 1, example)
             continue
         shown = _console_line(line)
@@ -155,7 +150,9 @@ def _encode(block: Lines, notes: Notes, number: int) -> bytes:
         return encoder([match.group(2), *block[1:]])
     except (ValueError, IndexError, struct.error):
         already_warned = any("listed messages that" in w for w in notes.warnings)
-        notes.skip("listed messages that cannot be read", 1, "" if already_warned else f"line {number}")
+        notes.skip(
+            "listed messages that cannot be read", 1, "" if already_warned else say("place.line", n=number)
+        )
         return b""
 
 

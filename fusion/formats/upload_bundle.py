@@ -14,6 +14,7 @@ import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Notes
+from fusion.messages import say
 from fusion.signals import Navigation, RawGnss, Signals
 from fusion.types import DeviceMotion, DriveLog, SensorTable, ThreeAxes
 
@@ -51,7 +52,11 @@ def join(parts: Sequence[Part], notes: Notes) -> DriveLog:
         skipped=notes.skipped + sum((part.log.skipped for part in parts), Counter()),
         repaired=notes.repaired + sum((part.log.repaired for part in parts), Counter()),
         warnings=(
-            *(f"{part.name}: {sentence}" for part in parts for sentence in part.log.warnings),
+            *(
+                say("bundle.of", name=part.name, sentence=sentence)
+                for part in parts
+                for sentence in part.log.warnings
+            ),
             *notes.warnings,
         ),
         raw=raw,
@@ -71,14 +76,8 @@ def _device(parts: Sequence[Part], notes: Notes) -> DeviceMotion:
 def _refuse(parts: Sequence[Part]) -> None:
     names = ", ".join(part.name for part in parts)
     if all(part.log.raw is not None for part in parts):
-        raise EmptyLogError(
-            f"There are navigation data ({names}) and no measurements: they belong to a file of observations. Upload "
-            "both together."
-        )
-    raise EmptyLogError(
-        f"These files hold no usable position, nor raw measurements to make one of: {names}. Upload the receiver's "
-        "log with them."
-    )
+        raise EmptyLogError(say("bundle.navigation_only", names=names))
+    raise EmptyLogError(say("bundle.nothing_usable", names=names))
 
 
 def _not_overlapping(tables: list[tuple[Part, Table]], what: str, notes: Notes) -> list[tuple[Part, Table]]:
@@ -93,8 +92,14 @@ def _not_overlapping(tables: list[tuple[Part, Table]], what: str, notes: Notes) 
             used.append((part, table))
         else:
             notes.warn(
-                f"{part.name} and {rival[0].name} both have {what} for the same times: the {len(rival[1])} of "
-                f"{rival[0].name} are used, the {len(table)} of {part.name} are not."
+                say(
+                    "bundle.rivals",
+                    name=part.name,
+                    other=rival[0].name,
+                    what=what,
+                    used=len(rival[1]),
+                    unused=len(table),
+                )
             )
     return sorted(used, key=lambda one: float(one[1].time_s[0]))
 

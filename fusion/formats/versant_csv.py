@@ -12,6 +12,7 @@ from fusion.formats.phones.gnsslogger import has_log_header
 from fusion.formats.phones.sensor_logger import is_sensor_logger
 from fusion.formats.pseudoranges_csv import PSEUDORANGE
 from fusion.formats.torque import is_vehicle_log
+from fusion.messages import say
 
 _OTHER_KINDS = (b"$", b"<", b"{", b"[", b"%")
 
@@ -22,13 +23,8 @@ class VersantCsvFormat(NamedColumnsCsv):
     name = "csv"
     description = "Versant CSV"
     suffixes = (".csv",)
-    altitude_advice = (
-        "Add the column alt_msl_m or height_ell_m, or name the one that holds it, such as `--columns "
-        "alt_msl_m=Altitude`."
-    )
-    doppler_advice = (
-        "Add the column vel_d_mps (Doppler velocity downwards), or name the one that holds it by `--columns`."
-    )
+    altitude_advice = say("advice.csv_altitude")
+    doppler_advice = say("advice.csv_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``: text whose first line has several cells, or one that is a column of ours."""

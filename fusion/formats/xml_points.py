@@ -21,6 +21,7 @@ from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes, number_or_nan, refuse_many
 from fusion.formats.glance import Ends
 from fusion.formats.time_texts import unix_seconds
+from fusion.messages import say
 from fusion.types import Bools, Floats, Ints, Progress
 
 CHUNK_BYTES = 1 << 18
@@ -112,14 +113,14 @@ def read_points(data: Data, layout: Layout, notes: Notes, progress: Progress) ->
         reader.close()
     except (expat.ExpatError, ValueError, LookupError) as error:
         line = getattr(error, "lineno", 0)
-        where = f"line {line}" if line else "the beginning"
+        where = say("place.line", n=line) if line else "the beginning"
         if not reader.count:
             raise MalformedLogError(
-                f"This {what} file is broken at {where}, before its first track point. Upload the whole file.",
+                say("xml.broken_at_start", what=what, where=where),
                 where=where,
             ) from error
         notes.repaired["broken XML: read up to the break"] += 1
-        notes.warn(f"The {what} file is broken at {where}: the {reader.count} points before it are used.")
+        notes.warn(say("xml.broken", what=what, where=where, n=reader.count))
     return reader.points(notes)
 
 
@@ -168,10 +169,7 @@ class _Reader:
         """Read on."""
         self._parser.Parse(piece)
         if self._depth > DEEPEST:
-            raise MalformedLogError(
-                f"This {self._what} file has elements nested more than {DEEPEST} deep, as attacks do and recorders "
-                "never. Export it again."
-            )
+            raise MalformedLogError(say("xml.nested", what=self._what, most=DEEPEST))
         if len(self._times) >= TIMES_AT_ONCE:
             self._read_times(self.count)
         # no number and no time is as long as what may have come together here
@@ -182,9 +180,7 @@ class _Reader:
         self._parser.Parse(b"", True)
 
     def _refuse_entities(self, *_: object) -> None:
-        raise MalformedLogError(
-            f"This {self._what} file defines XML entities, as attacks do and recorders never. Export it again."
-        )
+        raise MalformedLogError(say("xml.entities", what=self._what))
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         self._depth += 1
@@ -233,10 +229,10 @@ class _Reader:
         self._read_times(self.count)
         time_s, has_time = np.concatenate(self._time_s), np.concatenate(self._has_time)
 
-        def say(point: int) -> str:
-            return f"point {point + 1}: {self._wrong!r:.60} is no time"
+        def tell(point: int) -> str:
+            return say("xml.no_time", n=point + 1, text=self._wrong)
 
-        notes.sift((("times that cannot be read", np.isnan(time_s) & has_time),), say, position=True)
+        notes.sift((("times that cannot be read", np.isnan(time_s) & has_time),), tell, position=True)
         return Points(time_s, columns, self._breaks, self._others, int(has_time.sum()))
 
     def _read_times(self, count: int) -> None:

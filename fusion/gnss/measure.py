@@ -24,6 +24,7 @@ from fusion.gnss.measurements import Measurements
 from fusion.gnss.missing_navigation import navigation_warnings
 from fusion.gnss.orbits.satellites import SatelliteStates, states_when_sent
 from fusion.gnss.rough_places import FEWEST, rough_places
+from fusion.messages import say
 from fusion.signals import CARRIER_HZ, GPS, LIGHT_MPS, QZSS, SBAS, SYSTEMS, RawGnss, Signals, satellite_name
 from fusion.types import Bools, Floats, Ints, Progress
 
@@ -40,7 +41,7 @@ _CLOCK_OF = np.arange(len(SYSTEMS))
 _CLOCK_OF[[QZSS, SBAS]] = GPS
 _CLOCKS = ("GPS", "GLONASS", "Galileo", "BeiDou")
 
-_NO_PLACE = f"No epoch has {FEWEST} satellites that agree on a place on earth: no position can be computed."
+_NO_PLACE = say("gnss.no_place", least=FEWEST)
 
 
 @dataclass(frozen=True)
@@ -157,10 +158,7 @@ def _atmosphere_m(
     if not len(signals.system):
         return np.empty(0)
     if raw.navigation.klobuchar is None:
-        warnings.append(
-            "The navigation data have no coefficients of the ionosphere: those of an average day are taken, which "
-            "leaves errors of some metres, mostly in the height. Navigation files of GPS have them in their header."
-        )
+        warnings.append(say("gnss.no_ionosphere"))
     lon_deg, lat_deg, height_m = geodetic(places)
     row = signals.epoch
     lat, gps_s = np.radians(lat_deg)[row], signals.gps_s[row]
@@ -234,9 +232,7 @@ def _finished(
     _count(counts, "clock begins anew", jumps.anew)
     few = int(np.count_nonzero(np.diff(out.first) < FEWEST))
     if few and len(out.satellite):
-        warnings.append(
-            f"Fewer than four satellites for {few} of {len(out)} epochs: positions there rest on the motion."
-        )
+        warnings.append(say("gnss.few_satellites", n=few, all=len(out)))
     return replace(
         out,
         pseudorange_m=out.pseudorange_m - jumps.step_m[out.epoch],

@@ -8,6 +8,7 @@ import numpy as np
 
 from fusion.arrays import nearest
 from fusion.gnss.orbits.satellites import LIMIT_S
+from fusion.messages import joined, say
 from fusion.signals import GLONASS, SBAS, WEEK_S, Navigation, Signals, unix_from_gps
 from fusion.types import Floats
 
@@ -24,17 +25,14 @@ def navigation_warnings(signals: Signals, navigation: Navigation) -> list[str]:
     """
     present = [system for system in np.unique(signals.system).tolist() if system != SBAS]
     toes = {system: _toe_s(navigation, system) for system in present}
-    sentences = []
+    sentences: list[str] = []
     without = [system for system in present if not len(toes[system])]
     if without and len(without) == len(present):
-        sentences.append(
-            f"There are no navigation data with this log of {_days(signals.gps_s)}: positions from its "
-            f"pseudoranges need a navigation file of that day (RINEX, often called brdc)."
-        )
+        sentences.append(say("gnss.no_navigation", days=_days(signals.gps_s)))
     elif without:
         rows = int(np.isin(signals.system, without).sum())
         names = " and ".join(NAMES[system] for system in without)
-        sentences.append(f"There are no navigation data of {names}: {rows} measurements are left out.")
+        sentences.append(say("gnss.no_navigation_of", names=names, n=rows))
     for system in present:
         if system not in without and not _meets(signals.gps_s, toes[system], LIMIT_S[system]):
             sentences.append(_of_another_day(NAMES[system], toes[system], signals.gps_s))
@@ -55,14 +53,11 @@ def _meets(gps_s: Floats, toe_s: Floats, limit_s: float) -> bool:
 
 
 def _of_another_day(name: str, toe_s: Floats, gps_s: Floats) -> str:
-    sentence = (
-        f"The navigation data of {name} are of {_days(toe_s)}, the log is of {_days(gps_s)}: its satellites are left "
-        f"out. Add the navigation file of the log's day."
-    )
+    sentence = say("gnss.other_day", name=name, days=_days(toe_s), log_days=_days(gps_s))
     apart = float(np.median(gps_s) - np.median(toe_s))
     eras = round(apart / ROLL_OVER_S)
     if eras and abs(apart - eras * ROLL_OVER_S) < _NEAR_S:
-        sentence += f" They are {abs(eras) * 1024} weeks apart: one of the two has lost count of the weeks."
+        return joined([sentence, say("gnss.weeks_apart", n=abs(eras) * 1024)])
     return sentence
 
 
@@ -70,4 +65,4 @@ def _days(gps_s: Floats) -> str:
     """``2023-11-07``, or the first and the last with the time of day where they are of one day and far apart."""
     ends = [datetime.fromtimestamp(t, UTC) for t in unix_from_gps(np.array([np.min(gps_s), np.max(gps_s)]))]
     first, last = (f"{end:%Y-%m-%d}" for end in ends)
-    return first if first == last else f"{first} to {last}"
+    return first if first == last else say("from_to", first=first, last=last)

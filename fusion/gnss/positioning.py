@@ -27,6 +27,7 @@ from fusion.gnss.measurements import (
     aids_of,
     with_heights,
 )
+from fusion.messages import joined, say
 from fusion.options import Named, OptionsModel
 from fusion.registry import DEFAULT_POSITIONING, Registry
 from fusion.types import Bools, DriveLog, Floats, GnssFix, GnssVelocity, Progress, no_progress
@@ -132,7 +133,7 @@ def validated(model: type[Model], options: Mapping[str, Any] | None, owner: str)
         name = ".".join(str(part) for part in first["loc"])
         names = ", ".join(model.model_fields) or "none"
         raise BadOptionsError(
-            f"Option {name!r} of {owner} is not usable: {first['msg']}. Its options are: {names}.", where=name
+            say("options.unusable", name=name, owner=owner, fault=first["msg"], names=names), where=name
         ) from None
 
 
@@ -147,10 +148,7 @@ class ReceiverPositioning:
     def positions(self, log: DriveLog, options: OptionsModel, progress: Progress) -> Positioned:
         """The log, unchanged; ``EmptyLogError`` for one that has raw data alone."""
         if not len(log.fix) and log.raw is not None:
-            raise EmptyLogError(
-                "This log holds raw satellite data and no position of the receiver's own. Choose another positioning "
-                "than 'receiver', such as 'one-sided'."
-            )
+            raise EmptyLogError(say("gnss.raw_only"))
         return Positioned(log, self.name, report={"positioning": self.name})
 
 
@@ -170,8 +168,7 @@ class SolverPositioning:
         """Measure, solve, and put the solution in the place of the log's own positions."""
         if log.raw is None or not len(log.raw.signals):
             raise MissingSensorError(
-                f"Positioning {self.name!r} needs raw pseudoranges (UBX RXM-RAWX, RINEX, Android GnssLogger 'Raw' "
-                "lines, or a CSV of pseudoranges), and this log has none. Record them, or choose 'receiver'.",
+                say("gnss.needs_raw", name=self.name),
                 where="gnss",
             )
         measured = measure(log.raw, lambda stage, share: progress("positioning", 0.3 * share))
@@ -223,9 +220,7 @@ class AutomaticPositioning:
         except LogError as error:
             if not len(log.fix):
                 raise
-            sentence = (
-                f"The log's raw satellite data could not be used, so its own positions are taken: {error}"
-            )
+            sentence = say("gnss.raw_unused", error=error)
             return self._receiver.positions(replace(log, warnings=(*log.warnings, sentence)), own, progress)
         if len(log.fix) and _radius(log.fix) <= _radius(computed.log.fix):
             return self._receiver.positions(log, own, progress)
@@ -303,8 +298,5 @@ def _share(nlos: Floats) -> float | None:
 
 def _nothing_solved(measured: Measurements, solved: int, name: str) -> str:
     satellites = int(np.median(np.diff(measured.first))) if len(measured) else 0
-    why = " ".join(measured.warnings) or f"Usually {satellites} satellites could be used; four are needed."
-    return (
-        f"The raw satellite data of this log give {solved} positions by {name!r} in {len(measured)} epochs. {why} "
-        "Add the navigation file of that day, or record with open sky for some minutes first."
-    )
+    why = joined(measured.warnings) or say("gnss.usual_satellites", n=satellites)
+    return say("gnss.too_few_positions", solved=solved, name=name, epochs=len(measured), why=why)

@@ -13,16 +13,13 @@ import numpy as np
 
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.path import PathMatch
+from fusion.messages import say
 from fusion.methods.base import DriveResult
 from fusion.roads.network import RoadNetwork
 from fusion.terrain.dem import Dem
 from fusion.types import DriveLog, Floats, Ints
 
-NO_GRADE = (
-    "No slope was made of this drive: its positions were computed from pseudoranges, whose heights change by metres "
-    "within a street, and nothing else in it knows the grade. Record Doppler, attitude, acceleration or pressure as "
-    "well, or give an elevation model."
-)
+NO_GRADE = say("drive.no_grade")
 
 
 def knows_grade(log: DriveLog) -> bool:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fusion.arrays import ColumnTable
 from fusion.errors import ControlError
 from fusion.frames import METRES_PER_DEGREE, SHORTEST_DEGREE_M
+from fusion.messages import say
 from fusion.network.curve import height_variance, height_weights
 from fusion.network.equations import Blocks, Solution
 from fusion.network.unknowns import RoadUnknowns
@@ -69,14 +70,13 @@ def read_control(path: Path) -> list[ControlPoint]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
-        raise ControlError(f"{path.name} is no text: control points are a CSV file.") from None
+        raise ControlError(say("control.no_text", file=path.name)) from None
     rows = csv.reader(lines)
     header = [name.strip() for name in next(rows, [])]
     missing = [name for name in _REQUIRED if name not in header]
     if missing:
         raise ControlError(
-            f"The header of {path.name} lacks {', '.join(missing)}. It must name lat_deg, lon_deg and height_m, and "
-            "may name sigma_m, separated by commas.",
+            say("control.header", file=path.name, missing=", ".join(missing)),
             where="line 1",
         )
     return [
@@ -96,12 +96,21 @@ def _point(path: Path, line: int, cells: dict[str, str]) -> ControlPoint:
             values[name] = float(text)
         except ValueError:
             raise ControlError(
-                f"Line {line} of {path.name}: {name} is {text!r}, which is no number.", where=f"line {line}"
+                say("control.no_number", line=line, file=path.name, column=name, text=text),
+                where=say("place.line", n=line),
             ) from None
         if not low <= values[name] <= high:
             raise ControlError(
-                f"Line {line} of {path.name}: {name} is {text}, outside of {low:g} to {high:g}.",
-                where=f"line {line}",
+                say(
+                    "control.out_of_range",
+                    line=line,
+                    file=path.name,
+                    column=name,
+                    text=text,
+                    low=low,
+                    high=high,
+                ),
+                where=say("place.line", n=line),
             )
     return ControlPoint(**values, name=f"line {line} of {path.name}")
 
@@ -208,8 +217,7 @@ class ControlBeliefs:
         misfit = self.misfit_m(solution)
         wrong = np.abs(misfit) > CONTRADICTED_SIGMAS * np.sqrt(self._variance)
         return [
-            f"Control point {name} is {abs(off):.2f} m {'below' if off > 0 else 'above'} what the drives and the "
-            "other points say of the road there."
+            say("control.contradicted", name=name, off_m=abs(off), side="below" if off > 0 else "above")
             for name, off, bad in zip(self.control.names, misfit.tolist(), wrong.tolist(), strict=True)
             if bad
         ]

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fusion.arrays import counted
+from fusion.messages import say
 from fusion.network.equations import Blocks, Solution
 from fusion.network.subnetwork import joined_parts
 from fusion.network.unknowns import RoadUnknowns
@@ -44,10 +45,13 @@ class Displaced(NamedTuple):
     def said(self, lat_deg: float, lon_deg: float) -> str:
         """A sentence for a report; the place is one of those that stand out."""
         side = "high" if self.off_m > 0 else "low"
-        return (
-            f"The elevation model is about {abs(self.off_m):.0f} m too {side} along {self.length_m:.0f} m of the roads "
-            f"driven (at {lat_deg:.5f}, {lon_deg:.5f} for one), against its height on the others. Look whether its "
-            "tiles have one datum and whether it has filled voids there, or whether the altitudes recorded are wrong."
+        return say(
+            "terrain.stands_out",
+            off_m=abs(self.off_m),
+            side=side,
+            length_m=self.length_m,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
         )
 
 

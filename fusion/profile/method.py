@@ -17,6 +17,7 @@ from pydantic import Field
 
 from fusion.errors import MissingSensorError, NoMatchError
 from fusion.matching.drive import MatchOptions
+from fusion.messages import say
 from fusion.methods.base import DriveResult, Options
 from fusion.network.adjust import adjust, adjust_from, tasks_of
 from fusion.network.blockwise.partition import bisected
@@ -147,10 +148,7 @@ class ProfileMethod:
             log, network, MatchOptions(radius_m=options.match_radius_m), within(progress, 0.0, 0.3)
         )
         if path is None:
-            raise NoMatchError(
-                "No stretch of the log follows a road. Import the roads of that area, or check that the log's "
-                "positions are a drive's and not a parked vehicle's."
-            )
+            raise NoMatchError(say("drive.no_stretch"))
         progress("smooth", 0.3)
         raw = _PreparedDrive.of(log, path, options.sensors())
         drive, late, usual = _learned(raw, dem, options, within(progress, 0.3, 0.7))
@@ -210,10 +208,7 @@ def _measure(
 ) -> Measurements:
     measured = build_measurements(raw.log, raw.path, dem, options.sensors(), altimeter.lag_s)
     if len(measured) < MIN_MEASUREMENTS:
-        raise MissingSensorError(
-            f"Method 'profile' found {len(measured)} usable measurement(s) of height or grade on roads (used: "
-            f"{', '.join(SENSORS)}). Record altitudes, Doppler velocity, attitude or pressure, while driving."
-        )
+        raise MissingSensorError(say("drive.too_little", n=len(measured), sensors=", ".join(SENSORS)))
     return measured
 
 

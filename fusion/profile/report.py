@@ -15,6 +15,7 @@ import numpy as np
 
 from fusion.arrays import nearest
 from fusion.filters.smoother import Smoothed
+from fusion.messages import say
 from fusion.network.pass_columns import table_of
 from fusion.network.pass_factor import PassFactor
 from fusion.network.terrain import displaced
@@ -309,38 +310,25 @@ def _grade_sigma(smoothed: Smoothed) -> float:
 
 def _warnings(log: DriveLog, measured: Measurements, report: dict[str, Any]) -> list[str]:
     """Sentences that a driver can act on."""
-    sentences = []
+    sentences: list[str] = []
     if report["matched_share"] < FEW_MATCHED:
-        sentences.append(
-            f"Only {report['matched_share']:.0%} of the positions lie on known roads. Import a newer map, or check "
-            "the antenna's view of the sky."
-        )
+        sentences.append(say("drive.few_on_roads", share=report["matched_share"]))
     factor = report["noise"]["doppler"]
     if (measured.sensor == DOPPLER).any() and not 1 / WRONG_ACCURACY < factor < WRONG_ACCURACY:
         wrong = "better" if factor < 1 else "worse"
-        sentences.append(
-            f"Vertical velocities are {max(factor, 1 / factor):.1f} times {wrong} than the accuracy that the log "
-            "states (s_acc_mps); what they show was used. Check the column's unit."
-        )
+        sentences.append(say("drive.vertical_velocities", factor=max(factor, 1 / factor), wrong=wrong))
     mount = report["mount"]
     for move in mount["moves"] if mount else ():
         sentences.append(
-            f"The sensor's mount moved by {move['change_deg']:+.1f} degrees at {_clock(move['time_s'])}. "
-            "Fix it firmly to the vehicle."
+            say("drive.mount_moved", change_deg=move["change_deg"], clock=_clock(move["time_s"]))
         )
     if mount and np.radians(mount["sigma_deg"]) > LOOSE_MOUNT:
-        sentences.append(
-            f"The mount's tilt is known to {mount['sigma_deg']:.1f} degrees only, so pitch told little. Drive for "
-            "longer, or record velocities and altitudes as well."
-        )
-    sentences += [
-        f"The GNSS height jumped at {_clock(t)}; slopes do not follow it." for t in report["height_jumps_s"]
-    ]
+        sentences.append(say("drive.mount_unsure", sigma_deg=mount["sigma_deg"]))
+    sentences += [say("drive.height_jump", clock=_clock(t)) for t in report["height_jumps_s"]]
     for name, sensor in report["sensors"].items():
         if sensor["outliers"] > MANY_OUTLIERS * sensor["measurements"]:
             sentences.append(
-                f"{sensor['outliers']} of {sensor['measurements']} measurements of '{name}' are far off and "
-                "were given little weight."
+                say("drive.far_off", n=sensor["outliers"], all=sensor["measurements"], name=name)
             )
     return sentences
 

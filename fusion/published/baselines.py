@@ -12,6 +12,7 @@ from pydantic import Field
 
 from fusion.errors import MissingSensorError
 from fusion.frames import wrap_angle
+from fusion.messages import say
 from fusion.methods.base import DriveResult, Options
 from fusion.published.epochs.line import AltitudeErrors, segment_slopes
 from fusion.published.epochs.table import UNKNOWN_ALTITUDE_SIGMA_M, Epochs, build_epochs, white_altitude_sigma
@@ -54,10 +55,7 @@ class RawMethod:
     ) -> DriveResult:
         """See ``Method.estimate``."""
         if not (log.fix.has("alt_msl_m") or log.fix.has("height_ell_m")):
-            raise MissingSensorError(
-                "Method 'raw' draws a line through altitudes, and the log has none (alt_msl_m or height_ell_m). "
-                "Record altitudes, or choose another method."
-            )
+            raise MissingSensorError(say("method.raw_needs_altitudes"))
         progress("match", 0.0)
         epochs, track = match_fixes(log, network, options.period_s)
         slopes = segment_slopes(track, _altitude_errors(epochs, track).covariance, options.min_epochs)
@@ -105,10 +103,7 @@ class DemMethod:
     ) -> DriveResult:
         """See ``Method.estimate``."""
         if dem is None:
-            raise MissingSensorError(
-                "Method 'dem' takes slopes from a DEM, and none is there. Import one that covers the drive, or "
-                "choose another method."
-            )
+            raise MissingSensorError(say("method.dem_needs_model"))
         progress("match", 0.0)
         _, track = match_fixes(log, network, options.period_s)
         driven = np.unique(track.segment[track.segment >= 0])

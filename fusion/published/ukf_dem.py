@@ -20,6 +20,7 @@ from pydantic import Field
 from fusion.errors import MissingSensorError
 from fusion.filters.unscented import Unscented
 from fusion.frames import wrap_angle
+from fusion.messages import say
 from fusion.methods.base import DriveResult
 from fusion.options import Registered
 from fusion.published.epochs.line import ErrorShares, line_slopes
@@ -104,10 +105,7 @@ class UkfDemMethod:
     ) -> DriveResult:
         """See ``Method.estimate``."""
         if dem is None:
-            raise MissingSensorError(
-                "Method 'ukf-dem' needs a DEM to correct heights by, and none is there. Import one that covers the "
-                "drive, or choose another method."
-            )
+            raise MissingSensorError(say("method.ukf_needs_model"))
         run = prepare(log, network, dem, options)
         run.run(progress)
         track = run.track()

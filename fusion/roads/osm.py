@@ -15,6 +15,7 @@ import osmium
 from numpy.typing import NDArray
 
 from fusion.errors import RoadsError
+from fusion.messages import say
 from fusion.roads.names import PLACES, WATER_TAGS, MapNames
 from fusion.roads.table import DTYPE_OF, RoadTable
 from fusion.types import Progress, no_progress
@@ -40,13 +41,10 @@ def refuse_bomb(path: Path, kind: str, progress: Progress = no_progress) -> None
             for size in _pbf_sizes(file) if kind == "pbf" else _gzip_sizes(file):
                 unpacked += size
                 if unpacked > most:
-                    raise RoadsError(
-                        f"{path.name} unpacks to more than {times} times its size, which no map does. Download or "
-                        "export it again."
-                    )
+                    raise RoadsError(say("roads.bomb", file=path.name, times=times))
                 progress("looking through the file", min(file.tell() / packed, 1.0))
         except (ValueError, IndexError, zlib.error) as error:
-            raise RoadsError(f"{path.name} is damaged: {error}. Download or export it again.") from error
+            raise RoadsError(say("roads.damaged", file=path.name, error=error)) from error
 
 
 def _gzip_sizes(file: BinaryIO) -> Iterator[int]:
@@ -120,7 +118,7 @@ _BACKWARD = frozenset({"-1", "reverse"})
 _NO = frozenset({"no", "false", "0"})
 _OF_WAYS = ("oneway", "bridge", "tunnel", "layer", "highway", "name")
 _WAYS_PER_REPORT = 8192
-_SUFFIX_HINT = "Give an OpenStreetMap extract: .osm.pbf, .osm or .osm.gz."
+_SUFFIX_HINT = say("roads.give_extract")
 
 
 @dataclass
@@ -172,7 +170,7 @@ def read_roads(path: Path, progress: Progress = no_progress, *, names: MapNames 
         progress("reading ways", 0.3)
         ways = _collect(source, locations, progress, names)
     except BROKEN as error:
-        raise RoadsError(f"{path.name} is damaged: {error}. Download or export it again.") from error
+        raise RoadsError(say("roads.damaged", file=path.name, error=error)) from error
     progress("building segments", 0.9)
     table = _segments(ways)
     if not len(table):
@@ -208,16 +206,16 @@ def file_format(path: Path) -> str:
             head = file.read(64)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise RoadsError(f"The road file {path} cannot be read: {reason}. {_SUFFIX_HINT}") from error
+        raise RoadsError(say("roads.unreadable", file=path, reason=reason, hint=_SUFFIX_HINT)) from error
     if not head:
-        raise RoadsError(f"The road file {path.name} is empty. {_SUFFIX_HINT}")
+        raise RoadsError(say("roads.empty", file=path.name, hint=_SUFFIX_HINT))
     if b"OSMHeader" in head:
         return "pbf"
     if head.startswith(b"\x1f\x8b"):
         return "osm.gz"
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<"):
         return "osm"
-    raise RoadsError(f"{path.name} is no OpenStreetMap file. {_SUFFIX_HINT}")
+    raise RoadsError(say("roads.no_osm", file=path.name, hint=_SUFFIX_HINT))
 
 
 def bounded_format(path: Path, progress: Progress = no_progress) -> str:
@@ -287,15 +285,7 @@ def _degrees(units: NDArray[np.int32]) -> NDArray[np.float64]:
 
 def _nothing(path: Path, ways: _Ways, skipped: Counter[str]) -> str:
     if not ways.id:
-        return (
-            f"{path.name} holds no drivable way (highway = {', '.join(sorted(DRIVABLE))}). "
-            "Give an extract that covers roads."
-        )
+        return say("roads.no_way", file=path.name, classes=", ".join(sorted(DRIVABLE)))
     if skipped["node missing from the file"]:
-        return (
-            f"{path.name} holds {len(ways.id)} drivable ways but not the positions of their nodes. "
-            "Export it again with complete ways."
-        )
-    return (
-        f"The {len(ways.id)} drivable ways of {path.name} have no length. Give an extract that covers roads."
-    )
+        return say("roads.no_nodes", file=path.name, n=len(ways.id))
+    return say("roads.no_length", n=len(ways.id), file=path.name)

@@ -14,6 +14,7 @@ from typing import Any
 import osmium
 
 from fusion.errors import RoadsError
+from fusion.messages import say
 from fusion.roads.names import WATERS
 from fusion.roads.osm import BROKEN, bounded_format, place_filter
 
@@ -140,6 +141,4 @@ def _is_within(node: Any, box: Box) -> bool:
 
 
 def _damaged(path: Path, error: Exception) -> RoadsError:
-    return RoadsError(
-        f"{path.name} is damaged: {str(error).rstrip('.')}. Download or export it again.", where=path.name
-    )
+    return RoadsError(say("roads.damaged", file=path.name, error=str(error).rstrip(".")), where=path.name)

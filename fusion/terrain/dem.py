@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fusion.errors import TerrainError
+from fusion.messages import say
 from fusion.terrain.cache import DemCache
 from fusion.terrain.mosaic import DemPatch, Mosaic
 from fusion.terrain.quality import pair, with_quality
@@ -75,7 +76,7 @@ class Dem:
         where it lies, or is a picture, or a quality layer without its elevations or on another grid than theirs.
         """
         if not paths:
-            raise TerrainError("No elevation raster was given. Give at least one.")
+            raise TerrainError(say("raster.none"))
         cache = DemCache(before_read)
         priority_of = dict(zip(map(Path, paths), priorities or [0] * len(paths), strict=True))
         grids: list[_Grid] = []

@@ -20,6 +20,7 @@ import rasterio
 from rasterio.errors import NotGeoreferencedWarning
 
 from fusion.errors import TerrainError
+from fusion.messages import say
 
 HGT_SIDES = {(1201, 1201), (1801, 3601), (3601, 3601), (7201, 7201)}
 """Columns and rows of the tiles that there are, two bytes a post."""
@@ -35,9 +36,7 @@ _PROJ_FILE = re.compile(
     r"(?:grids|\b(?:init|file|model))\b[\"\s,=\[]+[^\"\]\s]*[/\\:~]|PARAMETERFILE", re.IGNORECASE
 )
 _ALONE = {"GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR"}
-_ADVICE = (
-    "Convert it to GeoTIFF (gdal_translate), or import it by `versant import-dem` where the service runs."
-)
+_ADVICE = say("raster.convert")
 
 
 def open_dataset(path: Path, *, trusted: bool) -> Any:
@@ -71,22 +70,14 @@ def driver_of(path: Path) -> str:
     if _is_hgt(path):
         return "SRTMHGT"
     if b"<VRTDataset" in head:
-        raise TerrainError(
-            f"{path.name} is a VRT, which names other files: it is read where an operator names it on the command "
-            f"line alone. {_ADVICE}"
-        )
-    raise TerrainError(
-        f"{path.name} cannot be read as a raster: it is neither a GeoTIFF (COG), nor an HGT tile, nor DTED. {_ADVICE}"
-    )
+        raise TerrainError(say("raster.vrt", file=path.name, advice=_ADVICE))
+    raise TerrainError(say("raster.unknown", file=path.name, advice=_ADVICE))
 
 
 def refuse_files_of_proj(name: str, wkt: str) -> None:
     """Raise ``TerrainError`` for a coordinate reference system that names a file which PROJ would open."""
     if match := _PROJ_FILE.search(wkt):
-        raise TerrainError(
-            f"The coordinate reference system of {name} names a file ({match.group()[:60]}), which is not opened. Give "
-            "the raster in a common one, such as EPSG:4326."
-        )
+        raise TerrainError(say("raster.crs_names_file", file=name, name=match.group()[:60]))
 
 
 def is_gzipped(path: Path) -> bool:
@@ -99,9 +90,7 @@ def _head(path: Path) -> bytes:
         with gzip.open(path) if is_gzipped(path) else path.open("rb") as file:
             return file.read(_HEAD_BYTES)
     except (OSError, EOFError, zlib.error) as error:
-        raise TerrainError(
-            f"{path.name} cannot be read as a raster ({str(error).rstrip('.')}). Download or export it again."
-        ) from error
+        raise TerrainError(say("raster.unreadable", file=path.name, error=str(error).rstrip("."))) from error
 
 
 def _is_hgt(path: Path) -> bool:
@@ -118,7 +107,13 @@ def _require_bounded(path: Path, dataset: Any) -> None:
     size = rows * columns * dataset.count * post_bytes
     if size > BLOCK_BYTES:
         raise TerrainError(
-            f"{path.name} is stored in blocks of {columns} x {rows} posts in {dataset.count} band(s), {size >> 20} MiB "
-            f"to be unpacked for a single post; {BLOCK_BYTES >> 20} MiB are read at most. Write it in tiles: "
-            "gdal_translate -b 1 -co TILED=YES IN OUT.tif"
+            say(
+                "raster.large_blocks",
+                file=path.name,
+                columns=columns,
+                rows=rows,
+                count=dataset.count,
+                size_mib=size >> 20,
+                most_mib=BLOCK_BYTES >> 20,
+            )
         )

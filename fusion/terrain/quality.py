@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fusion.errors import TerrainError
+from fusion.messages import say
 from fusion.terrain.raster import ALIGNED_POSTS, Raster, apply, read_header, read_stored
 from fusion.types import Floats
 
@@ -38,9 +39,11 @@ def pair(paths: Sequence[Path]) -> list[tuple[Path, Path | None]]:
     for tile, path in given.items():
         if tile not in {of for of, _ in elevations}:
             raise TerrainError(
-                f"{path.name} is a quality layer: it counts scenes and holds no elevations. Give the elevations "
-                f"({re.sub('num', 'dem', path.name, flags=re.IGNORECASE)}); the quality layer beside them is found "
-                "by its name."
+                say(
+                    "raster.is_quality",
+                    file=path.name,
+                    other=re.sub("num", "dem", path.name, flags=re.IGNORECASE),
+                )
             )
     return [(path, given.get(tile) or _beside(path)) for tile, path in elevations]
 
@@ -59,9 +62,15 @@ def with_quality(raster: Raster, path: Path | None) -> Raster:
     same_size = (layer.rows, layer.columns) == (raster.rows, raster.columns)
     if not (same_size and layer.crs == raster.crs and _same_posts(layer, raster)):
         raise TerrainError(
-            f"{path.name} does not fit {raster.path.name}: a quality layer has one number for each post, and its "
-            f"{layer.rows} x {layer.columns} posts are not the {raster.rows} x {raster.columns} of the elevations, "
-            "or lie elsewhere. Take both files from one delivery, or move the quality layer away."
+            say(
+                "raster.quality_apart",
+                file=path.name,
+                raster=raster.path.name,
+                rows=layer.rows,
+                columns=layer.columns,
+                rows2=raster.rows,
+                columns2=raster.columns,
+            )
         )
     return replace(raster, quality=layer)
 

@@ -17,6 +17,7 @@ from rasterio.errors import RasterioError
 from rasterio.windows import Window
 
 from fusion.errors import TerrainError
+from fusion.messages import say
 from fusion.terrain.drivers import is_gzipped, open_dataset, refuse_files_of_proj
 from fusion.types import Floats, Progress, no_progress
 
@@ -36,7 +37,7 @@ _METRES_PER_UNIT = {
 }
 _AT_ONCE = _ROWS_AT_ONCE, _COLUMNS_AT_ONCE = 512, 4096  # 16 MB of heights, whole tiles of usual rasters
 _MOST_LOOKED_AT = 200_000_000  # posts, a few seconds; more than any tile has
-_HINT = "Give a single-band elevation raster such as GeoTIFF, COG, VRT or HGT, the last also gzipped."
+_HINT = say("raster.give")
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ def open_raster(path: Path, *, trusted: bool = False) -> tuple[Raster, Any]:
         dataset = open_dataset(path, trusted=trusted)
     except (RasterioError, OSError, ValueError) as error:
         raise TerrainError(
-            f"{path.name} cannot be read as a raster ({_reason(error, path)}). {_HINT}"
+            say("raster.unreadable_hint", file=path.name, reason=_reason(error, path), hint=_HINT)
         ) from error
     try:
         return _header_of(path, dataset, trusted=trusted), dataset
@@ -120,8 +121,15 @@ def refuse_void(path: Path, progress: Progress = no_progress) -> None:
                 return
             looked_at += rows * columns
     raise TerrainError(
-        f"{path.name} holds no height: all of its {raster.rows} x {raster.columns} posts are void or outside "
-        f"{LOWEST_M:.0f}..{HIGHEST_M:.0f} m. {_HINT}"
+        say(
+            "raster.no_height",
+            file=path.name,
+            rows=raster.rows,
+            columns=raster.columns,
+            lowest_m=LOWEST_M,
+            highest_m=HIGHEST_M,
+            hint=_HINT,
+        )
     )
 
 
@@ -151,9 +159,7 @@ def read_stored(raster: Raster, dataset: Any, row: int, column: int, rows: int, 
         return dataset.read(1, window=Window(column, row, columns, rows), masked=True)
     except (RasterioError, OSError, ValueError) as error:
         reason = _reason(error, raster.path)
-        raise TerrainError(
-            f"{raster.path.name} is damaged ({reason}). Download or export it again."
-        ) from error
+        raise TerrainError(say("raster.damaged", file=raster.path.name, reason=reason)) from error
 
 
 def _reason(error: Exception, path: Path) -> str:
@@ -175,27 +181,21 @@ def _check_file(path: Path) -> None:
             empty = not file.read(1)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise TerrainError(f"The elevation raster {path} cannot be read: {reason}. {_HINT}") from error
+        raise TerrainError(say("raster.cannot_be_read", file=path, reason=reason, hint=_HINT)) from error
     if empty:
-        raise TerrainError(f"The elevation raster {path.name} is empty. {_HINT}")
+        raise TerrainError(say("raster.empty", file=path.name, hint=_HINT))
     plain = path.with_suffix("") if is_gzipped(path) else path
     if plain.suffix.lower() == ".hgt" and not _HGT_NAME.match(path.name):
-        raise TerrainError(
-            f"{path.name}: an HGT tile says where it lies only by its name. Name it after its south-west "
-            "corner, such as N48E008.hgt."
-        )
+        raise TerrainError(say("raster.hgt_name", file=path.name))
 
 
 def _header_of(path: Path, dataset: Any, *, trusted: bool) -> Raster:
     if dataset.crs is None or dataset.transform.is_identity or dataset.transform.is_degenerate:
-        raise TerrainError(
-            f"{path.name} does not say where on Earth it lies. Give a raster with a coordinate reference "
-            "system and a geotransform."
-        )
+        raise TerrainError(say("raster.nowhere", file=path.name))
     kind = np.dtype(dataset.dtypes[0]).kind
     colour = dataset.colorinterp[0]
     if kind not in "iuf" or colour in (ColorInterp.palette, ColorInterp.red):
-        raise TerrainError(f"{path.name} is a picture, not an elevation raster. {_HINT}")
+        raise TerrainError(say("raster.picture", file=path.name, hint=_HINT))
     try:
         wkt = dataset.crs.to_wkt()
         if not trusted:
@@ -205,10 +205,7 @@ def _header_of(path: Path, dataset: Any, *, trusted: bool) -> Raster:
             raise ProjError(f"{crs.name} is neither geographic nor projected")
         Transformer.from_crs(4326, _horizontal(crs), always_xy=True)
     except (ProjError, RasterioError) as error:
-        raise TerrainError(
-            f"The coordinate reference system of {path.name} is not usable: {error}. "
-            "Give the raster in a common one, such as EPSG:4326."
-        ) from error
+        raise TerrainError(say("raster.crs", file=path.name, error=error)) from error
     unit = str(dataset.units[0] or _vertical_unit(crs)).strip().lower()
     metres = _METRES_PER_UNIT.get(unit, 1.0)
     return Raster(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from itertools import islice
 from pathlib import Path
@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from app.cli.console import Console, figure, write_json
+from app.cli.console import Console, figure, spoken, spoken_term, write_json
 from app.cli.options import JSON_FILE, arg, opt
 from app.cli.remote import KEY, KEY_DIR, SERVER, service_client, shown_status
+from fusion.messages import remarks_of, with_key
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -124,7 +125,8 @@ def listed(client: Client, filters: Mapping[str, Any], limit: int) -> list[dict[
 def failures_table(console: Console, failed: Iterable[Mapping[str, Any]]) -> None:
     """Which drives failed and why, in full."""
     rows = [
-        [one["id"], one["filename"], _failure(one).get("kind"), _failure(one).get("reason")] for one in failed
+        [one["id"], one["filename"], _failure(one).get("kind"), _spoken(_failure(one), "reason", "said")]
+        for one in failed
     ]
     console.table(["id", "file", "kind", "reason"], rows)
 
@@ -140,7 +142,10 @@ def drive_lines(document: Mapping[str, Any]) -> list[str]:
         }
         | {"recorded": _when(document.get("drive_time"))},
         "Reason" if waits_for else "Failure": {
-            name: failure.get(name) for name in ("kind", "stage", "where", "reason")
+            "kind": failure.get("kind"),
+            "stage": spoken_term(failure.get("stage") or ""),
+            "where": _spoken(failure, "where", "where_said"),
+            "reason": _spoken(failure, "reason", "said"),
         },
         result: _of_result(document, report),
         "Ride": _of_ride(document.get("ride") or {}),
@@ -152,9 +157,8 @@ def drive_lines(document: Mapping[str, Any]) -> list[str]:
             width = max(map(len, present))
             lines += [*([""] if lines else []), title]
             lines += [f"  {name:<{width}}  {figure(value)}" for name, value in present.items()]
-    warnings: Sequence[str] = report.get("warnings") or ()
-    if warnings:
-        lines += ["", "Warnings", *(f"  {sentence}" for sentence in warnings)]
+    if warnings := remarks_of(report):
+        lines += ["", "Warnings", *(f"  {spoken(sentence)}" for sentence in warnings)]
     return lines
 
 
@@ -238,7 +242,7 @@ def _with_sigma(value: float | None, sigma: float | None, unit: str, digits: int
 
 
 def _row(document: Mapping[str, Any]) -> list[Any]:
-    reason = _failure(document).get("reason") or ""
+    reason = _spoken(_failure(document), "reason", "said")
     short = reason if len(reason) <= SHORT_REASON else reason[:SHORT_REASON].rpartition(" ")[0] + " ..."
     return [
         document["id"],
@@ -254,6 +258,10 @@ def _row(document: Mapping[str, Any]) -> list[Any]:
 
 def _failure(document: Mapping[str, Any]) -> Mapping[str, Any]:
     return document.get("failure") or {}
+
+
+def _spoken(failure: Mapping[str, Any], name: str, key: str) -> str:
+    return spoken(with_key(failure.get(name) or "", failure.get(key)))
 
 
 def _km(document: Mapping[str, Any]) -> float | None:

@@ -22,6 +22,7 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.datastructures import Headers, QueryParams
 
 from app.core.errors import BadRequestError, UnsupportedBodyError
+from app.core.messages import say
 
 FIELD = "file"
 ENVELOPE_BYTES = 64 * 1024
@@ -58,7 +59,7 @@ def upload_source(headers: Headers, query: QueryParams) -> UploadSource:
     encoding = headers.get("content-encoding", "identity").strip().lower()
     if encoding not in {"", "identity", "gzip", "x-gzip"}:
         raise UnsupportedBodyError(
-            f"Content-Encoding {encoding!r} is not taken. Send the log as it is or gzipped.",
+            say("upload.encoding", encoding=encoding),
             field="Content-Encoding",
         )
     filename = _announced_filename(headers, query)
@@ -67,7 +68,7 @@ def upload_source(headers: Headers, query: QueryParams) -> UploadSource:
         return RawBody(filename)
     if kind.lower() != b"multipart/form-data" or not options.get(b"boundary"):
         raise UnsupportedBodyError(
-            "This multipart body cannot be read. Send multipart/form-data with a boundary, or the bare log.",
+            say("upload.no_boundary"),
             field="Content-Type",
         )
     return MultipartBody(options[b"boundary"], filename)
@@ -108,29 +109,24 @@ class MultipartBody:
         try:
             self._parser = MultipartParser(boundary, callbacks)
         except FormParserError as error:
-            raise BadRequestError(
-                f"The multipart body cannot be read: {error}.", field="Content-Type"
-            ) from None
+            raise BadRequestError(say("upload.multipart", error=error), field="Content-Type") from None
 
     def feed(self, chunk: bytes) -> list[Piece]:
         """The files' bytes in ``chunk``; ``BadRequestError`` where the body is no multipart."""
         try:
             self._parser.write(chunk)
         except FormParserError as error:
-            raise BadRequestError(f"The multipart body is malformed: {error}.", field="body") from None
+            raise BadRequestError(say("upload.malformed", error=error), field="body") from None
         pieces, self._pieces = self._pieces, []
         return joined(pieces)
 
     def finish(self) -> None:
         """``BadRequestError`` for a body cut short or without a part called ``file``."""
         if not self._complete:
-            raise BadRequestError(
-                "The multipart body ends before its last boundary. Send it again.", field="body"
-            )
+            raise BadRequestError(say("upload.cut_off"), field="body")
         if not self._files:
             raise BadRequestError(
-                f"The form has no file field called {FIELD!r}. Send the log as that field "
-                f"(curl -F {FIELD}=@LOG), or as the body itself.",
+                say("upload.no_field", field=FIELD),
                 field=FIELD,
             )
 
@@ -164,8 +160,7 @@ class MultipartBody:
         self._passed_over += end - start
         if self._passed_over > ENVELOPE_BYTES:
             raise BadRequestError(
-                f"The form's other fields hold more than {ENVELOPE_BYTES} bytes. Send each file of the drive as a "
-                f"field {FIELD!r} and nothing else.",
+                say("upload.other_fields", most=ENVELOPE_BYTES, field=FIELD),
                 field=FIELD,
             )
 

@@ -9,6 +9,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.disconnects import answer_nobody, has_body
 from app.core.errors import BodyTooLargeError, SlowClientError
+from app.core.messages import say
 from app.core.middleware import CHANGING, UPLOAD_PATHS
 from app.core.problems import refuse
 
@@ -92,9 +93,7 @@ def _paced(receive: Receive, stall_s: float) -> Receive:
             async with asyncio.timeout(max(0.0, stall_s - waited_s)):
                 message = await receive()
         except TimeoutError:
-            raise SlowClientError(
-                f"The upload stalled: in {stall_s:g} s less than {needed:g} bytes came. Send it again."
-            ) from None
+            raise SlowClientError(say("upload.stalled", seconds=stall_s, bytes=needed)) from None
         waited_s += time.monotonic() - began
         came += len(message.get("body", b""))
         if came >= needed:

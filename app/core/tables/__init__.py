@@ -107,6 +107,7 @@ class Followed:
     failure_kind: Mapped[str | None]
     failure_reason: Mapped[str | None]
     failure_where: Mapped[str | None]
+    failure_said: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     created_at: Mapped[datetime] = mapped_column(server_default=sa.func.now())
     started_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]

@@ -19,9 +19,10 @@ from contextvars import ContextVar
 from datetime import UTC, datetime
 from typing import Any, TextIO
 
-from app.core.db import plain_text
+from app.core.db import plain_json, plain_text
 from app.core.settings import Settings
 from app.core.text import utc_text
+from fusion.messages import said
 
 FIELDS = "versant"
 """The attribute of a record that holds what ``tell`` was given."""
@@ -78,6 +79,22 @@ def blanked(text: str) -> str:
 def reason_text(reason: str | None) -> Any:
     """The reason of a failure as it may be stored: operators see it too, so it holds no place."""
     return plain_text(None if reason is None else blanked(reason))
+
+
+def said_of_failure(reason: str, where: str | None) -> dict[str, Any] | None:
+    """Keys and parameters of the reason of a failure and of its place, as they may be stored; None: neither has one."""
+    both = {"reason": said(reason), "where": said(where)}
+    return plain_json(_without_places(both)) if any(both.values()) else None
+
+
+def _without_places(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _without_places(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_without_places(one) for one in value]
+    if isinstance(value, float) and blanked(repr(value)) != repr(value):
+        return _BLANK
+    return blanked(value) if isinstance(value, str) else value
 
 
 class TextLines(logging.Formatter):

@@ -19,6 +19,7 @@ from sqlalchemy.orm import Session
 from app.core.db import Sessions
 from app.core.errors import BadRequestError
 from app.core.http import BaseUrl, Link, Service, ServiceDep, problems
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.telemetry import audit
 from app.core.telemetry.audit import Origin
@@ -163,9 +164,7 @@ def _parse_targets(service: Service, query: RemovalRequest) -> Targets:
     ids = _ids(query.ids)
     filters = query.model_dump(exclude={"method", "dry_run", "bbox", "which", "ids", "force"})
     if ids is None and query.which is None and query.bbox is None and not any(filters.values()):
-        raise BadRequestError(
-            "Which drives? Name some (ids), or a filter; which=all means all of them.", field="which"
-        )
+        raise BadRequestError(say("drives.which"), field="which")
     # Also those whose log cannot be used: of these one wants to be rid.
     filters |= {"which": query.which or Which.ALL, "force": True}
     selection, method = chosen(service, filters, query.bbox, query.method)

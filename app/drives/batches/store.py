@@ -57,7 +57,8 @@ _STANDING = text("""
 _AFTER = " AND (d.created_at, d.id) > (:after_created_at, :after_id)"
 BEFORE_BATCH = """jsonb_strip_nulls(jsonb_build_object(
                 'status', d.status, 'stage', d.stage, 'progress', d.progress, 'failure_kind', d.failure_kind,
-                'failure_reason', d.failure_reason, 'failure_where', d.failure_where, 'method', d.method,
+                'failure_reason', d.failure_reason, 'failure_where', d.failure_where,
+                'failure_said', d.failure_said, 'method', d.method,
                 'started_at', d.started_at, 'finished_at', d.finished_at, 'queued_at', d.queued_at))
                 || jsonb_build_object('options', d.options)"""
 """What a drive (d) was, for a batch that is called off"""
@@ -98,10 +99,10 @@ _PUT_BACK = text("""
         ORDER BY created_at, id LIMIT :piece FOR UPDATE
     ), back AS (
         UPDATE drives AS d
-        SET (status, stage, progress, failure_kind, failure_reason, failure_where, method, options, queued_at,
-             started_at, finished_at)
-            = (SELECT b.status, b.stage, b.progress, b.failure_kind, b.failure_reason, b.failure_where, b.method,
-                      b.options, b.queued_at, b.started_at, b.finished_at
+        SET (status, stage, progress, failure_kind, failure_reason, failure_where, failure_said, method, options,
+             queued_at, started_at, finished_at)
+            = (SELECT b.status, b.stage, b.progress, b.failure_kind, b.failure_reason, b.failure_where,
+                      b.failure_said, b.method, b.options, b.queued_at, b.started_at, b.finished_at
                FROM jsonb_populate_record(CAST(NULL AS drives), d.before_batch) AS b),
             batch_id = NULL, before_batch = NULL
         FROM waiting WHERE d.id = waiting.id RETURNING d.id

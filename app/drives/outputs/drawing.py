@@ -14,6 +14,7 @@ from threading import Lock
 
 from app.core.admission import RequestClass
 from app.core.errors import NotReadyError
+from app.core.messages import say
 from app.drives.outputs import drawing_process
 from app.drives.outputs.profile import Profile
 from fusion.types import DrawnMeasurements
@@ -47,9 +48,7 @@ class Drawing:
                     return self._draw(profile, title, measurements, datum)
                 except (EOFError, OSError):
                     self._stop()
-        raise NotReadyError(
-            "The picture could not be drawn. Ask for the profile as JSON, or try again in a moment."
-        )
+        raise NotReadyError(say("service.no_picture"))
 
     def close(self) -> None:
         """End the process."""
@@ -61,7 +60,7 @@ class Drawing:
         pipe.send(picture)
         if not pipe.poll(LONGEST_S):
             self._stop()
-            raise NotReadyError(f"The picture took more than {LONGEST_S:g} s. Ask for the profile as JSON.")
+            raise NotReadyError(say("service.slow_picture", seconds=LONGEST_S))
         png, fault = pipe.recv()
         if fault:
             raise RuntimeError(f"the picture could not be drawn\n{fault}")

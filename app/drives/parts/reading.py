@@ -18,8 +18,9 @@ from starlette.concurrency import run_in_threadpool
 from app.core.admission import PARTS
 from app.core.db import fetch_binary
 from app.core.errors import NotAcceptableError, NotFoundError
-from app.core.http import JSON, Service, existing, geojson_answer, preferred
-from app.core.text import GEO_JSON, collection_chunks, columns_text, dumps
+from app.core.http import JSON, Service, existing, geojson_answer
+from app.core.messages import say
+from app.core.text import GEO_JSON, collection_chunks, columns_text, dumps, preferred
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive
@@ -120,7 +121,7 @@ def drive_and_track(session: Session, drive_id: uuid.UUID, ends: Ends = None) ->
     track = tracks.read_track(session, drive_id)
     if track is None:
         reason = f" It failed: {drive.failure.reason}" if drive.failure else " Look again when it is done."
-        raise NotFoundError(f"The drive {drive_id} is {drive.status} and has no track.{reason}")
+        raise NotFoundError(say("drives.no_track", id=drive_id, status=drive.status, reason=reason))
     return drive, shown_track(session, drive, track, ends)
 
 

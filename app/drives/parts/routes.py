@@ -27,6 +27,7 @@ from app.core.http import (
     with_query,
 )
 from app.core.http import link_documents as documents
+from app.core.messages import say
 from app.core.query import cursor_of, parse_cursor
 from app.core.text import GEO_JSON
 from app.drives import store as drives
@@ -302,7 +303,4 @@ def _opened(service: Service, drive: Drive) -> BinaryIO:
     try:
         return service.blobs.open(drive.blob_key, BLOCK_BYTES)
     except FileNotFoundError:
-        raise NotFoundError(
-            f"The uploaded file of drive {drive.id} is no longer in the service's storage. What was computed of it "
-            "stays; upload the same file again, and the drive has it again."
-        ) from None
+        raise NotFoundError(say("drives.file_gone", id=drive.id)) from None

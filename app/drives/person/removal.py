@@ -19,6 +19,7 @@ from app.core.caller import OPERATOR_OWNER, seeing_all
 from app.core.db import Sessions
 from app.core.errors import BadRequestError, ForbiddenError
 from app.core.http import existing
+from app.core.messages import say
 from app.core.telemetry import audit
 from app.core.telemetry.logs import tell
 from app.drives.batches.documents import Selection, Which
@@ -39,7 +40,7 @@ def remove_owner(sessions: Sessions, exports: BlobStore, owner_id: int, name: st
     but for what a worker goes on with.
     """
     if owner_id == OPERATOR_OWNER:
-        raise ForbiddenError("The operator's owner cannot be removed: what nobody else owns is its.")
+        raise ForbiddenError(say("access.operators_stays"))
     with sessions.begin() as session:
         with seeing_all(session):
             removal_id, files = _begin(session, owner_id, name)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping
 
+from app.core.messages import say
 from fusion.errors import LogError, MalformedLogError
 from fusion.formats.container import GZIP_MAGIC, up_to_damage
 
@@ -93,11 +94,9 @@ def _unpacked(head: bytes) -> bytes:
             break
         head = _gunzipped(head)
         if not head:
-            raise MalformedLogError(
-                "The file holds the beginning of a gzip and nothing that can be unpacked. Upload the whole file."
-            )
+            raise MalformedLogError(say("gzip.nothing_unpacked"))
     if head.startswith(GZIP_MAGIC):
-        raise MalformedLogError("The file is gzipped more than twice. Unpack it and upload the log itself.")
+        raise MalformedLogError(say("gzip.nested"))
     return head[:HEAD_BYTES]
 
 

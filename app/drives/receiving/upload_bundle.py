@@ -9,6 +9,7 @@ from collections.abc import Iterable
 
 from app.core.blobs import BlobStore, BlobWriter, StoredBlob
 from app.core.errors import BadRequestError
+from app.core.messages import say
 from app.core.receiving.body import FILENAME_LENGTH, Piece, joined
 from app.drives.receiving.first_look import FirstLook
 from app.drives.receiving.zips import MAGIC_BYTES, ZipWriter, content_of_zip, is_zip
@@ -89,9 +90,7 @@ class UploadBundle:
         if self._zip is not None:
             return self._zip.finish()
         if not self._writer.size_bytes:
-            raise BadRequestError(
-                "The upload is empty: it holds no bytes. Send the log's contents.", field="file"
-            )
+            raise BadRequestError(say("upload.empty"), field="file")
         if not is_zip(self._head):
             return None
         with self._writer.reopened() as file:

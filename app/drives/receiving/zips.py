@@ -18,6 +18,7 @@ from typing import IO, BinaryIO
 
 from app.core.content import ContentHash
 from app.core.errors import BadRequestError, BodyTooLargeError, UnsupportedBodyError
+from app.core.messages import say
 from app.drives.receiving.first_look import FirstLook
 from fusion.formats.container import BOMB_FREE_BYTES, BOMB_RATIO, CHUNK_BYTES
 
@@ -124,12 +125,10 @@ class ZipWriter:
         self._file = None
         name, content = self._names[-1], self._hash.content_sha256()
         if not self._head:
-            raise BadRequestError(
-                f"The file {name!r} is empty. Leave it out, or send it whole.", field=_FIELD
-            )
+            raise BadRequestError(say("upload.empty_file", name=name), field=_FIELD)
         if (other := self._contents.setdefault(content, name)) != name:
             raise BadRequestError(
-                f"The files {other!r} and {name!r} hold the same. Send each file of the drive once.",
+                say("upload.same_files", other=other, name=name),
                 field=_FIELD,
             )
 
@@ -217,31 +216,29 @@ def _is_file(info: zipfile.ZipInfo) -> bool:
 def _check(members: list[zipfile.ZipInfo], packed: int, max_bytes: int) -> None:
     """Refuse files by the table of contents; the sizes stated there bind the reader."""
     if not members:
-        raise BadRequestError("The zip holds no file, or only empty ones. Add the log to it.", field=_FIELD)
+        raise BadRequestError(say("zip.no_file"), field=_FIELD)
     if len(members) > MAX_FILES:
         raise _too_many()
     for info in members:
         if info.flag_bits & _ENCRYPTED:
             raise UnsupportedBodyError(
-                f"The file {_shown(info)} in the zip is encrypted. Make the zip without a password.",
+                say("zip.file_encrypted", name=_shown(info)),
                 field=_FIELD,
             )
         if info.compress_type not in _METHODS:
             raise UnsupportedBodyError(
-                f"The file {_shown(info)} in the zip is compressed by a method that is not read. Make the zip with the "
-                "usual method (deflate).",
+                say("zip.file_unusual", name=_shown(info)),
                 field=_FIELD,
             )
     unpacked = sum(info.file_size for info in members)
     if unpacked > max_bytes:
         raise BodyTooLargeError(
-            f"The files in the zip are larger than {max_bytes} bytes together, the most that this service reads. "
-            "Split the recording into several drives.",
+            say("zip.too_large", most=max_bytes),
             field=_FIELD,
         )
     if unpacked > BOMB_FREE_BYTES and unpacked > BOMB_RATIO * packed:
         raise BodyTooLargeError(
-            f"This looks like a zip bomb: {packed} bytes of it unpack to {unpacked}. Send logs that unpack to less.",
+            say("zip.looks_like_bomb", packed=packed, unpacked=unpacked),
             field=_FIELD,
         )
 
@@ -267,20 +264,20 @@ def _shown(info: zipfile.ZipInfo) -> str:
 
 def _nested(name: str) -> UnsupportedBodyError:
     return UnsupportedBodyError(
-        f"The file {name} is a zip itself. Send the files in it, as one zip or without any.",
+        say("zip.in_zip", name=name),
         field=_FIELD,
     )
 
 
 def _too_many() -> BodyTooLargeError:
     return BodyTooLargeError(
-        f"There are more than {MAX_FILES} files. Send fewer at a time, and those that belong together at once.",
+        say("upload.many_files", most=MAX_FILES),
         field=_FIELD,
     )
 
 
 def _broken(error: Exception) -> BadRequestError:
     return BadRequestError(
-        f"The zip cannot be read ({error or type(error).__name__}). Make it anew, or send the files themselves.",
+        say("zip.unreadable", error=error or type(error).__name__),
         field=_FIELD,
     )

@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from app.core.errors import NotDoneError, NotFoundError
 from app.core.http import JSON, BaseUrl, ServiceDep, existing, link, problems
 from app.core.http import link_documents as documents
+from app.core.messages import say
 from app.core.text import GEO_JSON, dumps
 from app.drives import store as drives
 from app.drives import tracks
@@ -243,10 +244,8 @@ def _done(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> tuple[T
         drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
         return trial, result, f"{stem_of(drive.filename)}-{trial.method}"
     if trial.failure is not None:
-        raise NotFoundError(f"The trial {trial_id} failed and has no result. {trial.failure.reason}")
-    raise NotDoneError(
-        f"The trial {trial_id} is {trial.status}: {trial.progress:.0%} of it is done. Ask again in a moment."
-    )
+        raise NotFoundError(say("trial.failed", id=trial_id, reason=trial.failure.reason))
+    raise NotDoneError(say("trial.not_done", id=trial_id, status=trial.status, share=trial.progress))
 
 
 def _sha256(method: str, options: Mapping[str, Any]) -> str:

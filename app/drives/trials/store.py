@@ -19,6 +19,7 @@ from sqlalchemy import Select, Table, select, text
 from sqlalchemy.orm import Session
 
 from app.core.errors import LogDeletedError, NotFoundError, TooManyError
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.tables import HAS_LOG, IS_SHOWN, Drive
 from app.core.tables.requests import DriveTrial
@@ -57,7 +58,15 @@ _FORGET = text(
 )
 _GET_RESULT = text("SELECT track, measurements, slopes FROM drive_trials WHERE id = :id AND status = 'done'")
 
-_FORMER = ("stage", "failure_kind", "failure_reason", "failure_where", "started_at", "finished_at")
+_FORMER = (
+    "stage",
+    "failure_kind",
+    "failure_reason",
+    "failure_where",
+    "failure_said",
+    "started_at",
+    "finished_at",
+)
 _ANEW: Mapping[str, Any] = {"status": "queued", "progress": 0, **dict.fromkeys(_FORMER)}
 
 
@@ -82,21 +91,18 @@ def ask(
     trials.one_by_one(session)
     has_log = session.execute(_KEEP_DRIVE, {"id": drive_id}).scalar()
     if has_log is None:
-        raise NotFoundError(f"There is no drive {drive_id}. It may have been deleted.")
+        raise NotFoundError(say("drives.not_there", id=drive_id))
     trial = next(iter(trials.page(session, drive_id=drive_id, asked_sha256=asked_sha256)), None)
     if trial is not None and trial.failure is None:
         return trial, False
     if not has_log:
-        raise LogDeletedError(f"The log of drive {drive_id} was deleted: its owner keeps logs no longer.")
+        raise LogDeletedError(say("trial.log_deleted", id=drive_id))
     trials.require_place(session, MOST_WAITING)
     if trial is not None:
         trials.write(session, trial.id, **_ANEW)
         return trials.enqueue(session, trial.id), True
     if (count := session.execute(_COUNT, {"drive_id": drive_id}).scalar_one()) >= MOST_OF_A_DRIVE:
-        raise TooManyError(
-            f"This drive has {count} trials already, the most that there may be. Delete one that is not needed "
-            "any more; each is forgotten a week after its end."
-        )
+        raise TooManyError(say("trial.too_many", n=count))
     new = {"drive_id": drive_id, "method": method, "options": dict(options)}
     return trials.add(session, asked_sha256=asked_sha256, **new), True
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from app.core.messages import say
 from app.core.text import whole_file
 from app.exports.format import SEGMENTS, Format, TableFormat, statements
 from app.exports.formats.csv_table import Csv, WayCsv
@@ -67,9 +68,7 @@ def format_for(path: Path, name: str | None = None) -> Format:
         return (usual or fitting)[0]
     if fitting:
         names = " or ".join(one.name for one in fitting)
-        raise UnknownNameError(
-            f"A file {path.suffix.lower()!r} may be of several formats. Name one: {names}."
-        )
+        raise UnknownNameError(say("export.several_formats", suffix=path.suffix.lower(), names=names))
     raise _unknown_suffix(path.suffix.lower(), FORMATS.values())
 
 
@@ -83,7 +82,7 @@ def segment_format_for(path: Path) -> TableFormat:
 
 def _unknown_suffix(suffix: str, formats: Iterable[Format]) -> UnknownNameError:
     known = ", ".join(dict.fromkeys(one_suffix for one in formats for one_suffix in one.suffixes))
-    return UnknownNameError(f"No output is called {suffix!r}. Choose one of: {known}.")
+    return UnknownNameError(say("export.no_output", suffix=suffix, names=known))
 
 
 def write_segments(

@@ -21,6 +21,7 @@ import numpy as np
 import osmium
 from pydantic import Field
 
+from app.core.messages import say
 from app.core.version import code_version
 from app.exports.format import Format, NoOptions, Stated
 from app.exports.writing.osm_files import FORMATS, RoadNodes, damage_told, merged, only, read_nodes, writing
@@ -100,10 +101,7 @@ def heights_of(source: Source, nodes: RoadNodes) -> NodeHeights:
     try:
         return node_heights(graph, ground, known, _rises(nodes, measured.rises))
     except ValueError as error:
-        raise RoadsError(
-            "Of no road there a height is known: nothing was measured, and no elevation raster covers it. "
-            "Import one with `versant import-dem`."
-        ) from error
+        raise RoadsError(say("export.no_height")) from error
 
 
 def _measured(source: Source, nodes: RoadNodes) -> _Measured:
@@ -187,15 +185,9 @@ def _notes(nodes: RoadNodes, heights: NodeHeights, had: int) -> list[str]:
         f"model, {spanned} spanned over bridges, tunnels and their approaches, and voids of the model."
     ]
     if measured:
-        sentences.append(
-            f"Measured heights are {heights.offset_m:+.1f} m from the elevation model, in the middle; it was shifted "
-            "by that, and led over into them along the roads."
-        )
+        sentences.append(say("export.shifted", offset_m=heights.offset_m))
     if guessed:
-        sentences.append(
-            f"Of {guessed} nodes nothing is known: no raster covers them, nor a road that leads to one. They have the "
-            "height of the nearest place that is known. Import an elevation raster that covers them."
-        )
+        sentences.append(say("export.guessed", n=guessed))
     if had:
-        sentences.append(f"{had} nodes had another ele before, which was replaced.")
+        sentences.append(say("export.replaced", n=had))
     return sentences

@@ -17,6 +17,7 @@ import numpy as np
 import osmium
 from pyproj import Geod
 
+from app.core.messages import say
 from fusion.errors import RoadsError
 from fusion.roads.node_heights import RoadGraph
 from fusion.roads.osm import file_format
@@ -114,10 +115,8 @@ def read_nodes(files: Sequence[Path], bbox: Bounds | None = None, *, roads_only:
     used = np.unique(row)
     used = used[np.isfinite(lon[used])]
     if not len(used):
-        where = "" if bbox is None else " in this box"
-        raise RoadsError(
-            f"{', '.join(f.name for f in files)}: no road with the positions of its nodes{where}."
-        )
+        where = "" if bbox is None else say("export.in_this_box")
+        raise RoadsError(say("export.no_nodes", files=", ".join(f.name for f in files), where=where))
     place = np.full(len(node), -1, np.int64)
     place[used] = np.arange(len(used))
     numbers = np.frombuffer(ways.id, np.int64)
@@ -199,11 +198,11 @@ def damage_told(files: Sequence[Path]) -> Iterator[None]:
         yield
     except (RoadsError, RuntimeError, ValueError, UnicodeDecodeError) as error:
         if any(not path.is_file() for path in there):
-            raise RoadsError("The roads were imported anew meanwhile. Ask for the file once more.") from error
+            raise RoadsError(say("export.roads_anew")) from error
         if isinstance(error, RoadsError):
             raise
         names = ", ".join(path.name for path in files)
-        raise RoadsError(f"{names}: damaged: {str(error).rstrip('.')}. Export it again.") from error
+        raise RoadsError(say("export.damaged", names=names, error=str(error).rstrip("."))) from error
 
 
 def _places(files: Sequence[Path], node: Ints) -> tuple[Floats, Floats]:

@@ -25,6 +25,7 @@ from app.jobs.context import JobContext
 from app.jobs.requests.store import Failure, R, RequestStore
 from app.jobs.task import Interrupted, Task, Work
 from fusion.errors import FusionError
+from fusion.messages import message_of
 
 LOOK_EVERY_S = 0.5
 """How often a run looks whether it is to go on, and shows how far it is."""
@@ -124,10 +125,10 @@ def expected_failure(no_room: str) -> Callable[[Exception, RequestRun[Any]], Fai
 
     def failure(error: Exception, _run: RequestRun[Any]) -> Failure | None:
         if isinstance(error, FusionError):
-            return Failure(error.kind, str(error))
+            return Failure(error.kind, message_of(error))
         if isinstance(error, StorageFullError):
             return Failure("storage-full", no_room)
-        return Failure("impossible", str(error)) if isinstance(error, ServiceError) else None
+        return Failure("impossible", message_of(error)) if isinstance(error, ServiceError) else None
 
     return failure
 

@@ -18,8 +18,9 @@ from sqlalchemy.orm import Session
 from app.core.caller import has_share, seeing_all
 from app.core.db import plain_json
 from app.core.errors import BusyError
+from app.core.messages import say
 from app.core.tables.requests import RequestColumns
-from app.core.telemetry.logs import reason_text
+from app.core.telemetry.logs import reason_text, said_of_failure
 from app.jobs.task import Kind, add_job
 
 NOW = func.clock_timestamp()
@@ -130,11 +131,9 @@ class RequestStore(Generic[R]):
         with seeing_all(session):
             count = session.execute(waiting).scalar_one()
         if count >= most:
-            raise BusyError(f"{count} {self.plural} wait already. Try again when some of them are done.")
+            raise BusyError(say("service.wait_already", n=count, plural=self.plural))
         if not has_share(mine, count, most):
-            raise BusyError(
-                f"{mine} {self.plural} of yours wait already. Try again when some of them are done."
-            )
+            raise BusyError(say("service.yours_wait", n=mine, plural=self.plural))
 
     def under_way(self, session: Session) -> int:
         """How many wait or run, of those that the caller sees."""
@@ -219,6 +218,7 @@ class RequestStore(Generic[R]):
             return None
         texts = {"failure_reason": failure.reason, "failure_where": failure.where, "stage": failure.stage}
         values = {name: reason_text(value) for name, value in texts.items()}
+        values["failure_said"] = said_of_failure(failure.reason, failure.where)
         self.write(
             session, number, status="failed", failure_kind=failure.kind, finished_at=NOW, **values, **columns
         )

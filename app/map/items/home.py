@@ -6,14 +6,13 @@ pages keep the language.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from fastapi import Depends, Query, Request
 
-from app.core.http import preferred
 from app.core.query import refuse_unknown
+from app.core.text import language_of
 from app.map.items import pages
 
 Language = Literal["en", "de"]
@@ -91,13 +90,9 @@ def _seen(
 ) -> Seen:
     refuse_unknown(request, {"f", "lang", "theme"})
     form = pages.wanted(request, f, pages.AS_JSON, pages.AS_HTML)
-    return Seen(form, lang or _language(request.headers.get("accept-language", "")), theme, lang)
-
-
-def _language(accepted: str) -> Language:
-    """The one that the browser likes best; English where it likes none."""
-    without_countries = re.sub(r"(?<=[a-z])-\w+", "", accepted.lower())
-    return "de" if preferred(without_countries, ("en", "de")) == "de" else "en"
+    return Seen(
+        form, lang or cast(Language, language_of(request.headers.get("accept-language", ""))), theme, lang
+    )
 
 
 SeenDep = Annotated[Seen, Depends(_seen)]

@@ -22,9 +22,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from app.core.errors import BadQueryError, NotAcceptableError
-from app.core.http import JSON, REVALIDATE, Link, link, preferred, problems, unless_known
+from app.core.http import JSON, REVALIDATE, Link, link, problems, unless_known
 from app.core.query import refuse_unknown
-from app.core.text import GEO_JSON, dumps
+from app.core.text import GEO_JSON, dumps, preferred
 
 HTML = "text/html"
 SCHEMA_JSON = "application/schema+json"

@@ -16,8 +16,8 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.core.errors import NotFoundError
-from app.core.http import JSON, BaseUrl, Link, ServiceDep, json_answer, link, preferred, problems, text_answer
-from app.core.text import utc_text
+from app.core.http import JSON, BaseUrl, Link, ServiceDep, json_answer, link, problems, text_answer
+from app.core.text import preferred, utc_text
 from app.ops.admin.queries import QUERIES, AdminQuery
 from app.ops.admin.store import Parameters
 

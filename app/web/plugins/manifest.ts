@@ -12,6 +12,9 @@ import type { Plugin } from "vite";
 
 export const MANIFEST = "sources.json";
 const FOLDERS = ["app/web/src", "app/web/plugins"];
+const CATALOGUES = ["fusion/catalogues", "app/core/messages"].flatMap((folder) =>
+  ["en", "de"].map((language) => `${folder}/${language}.json`),
+);
 const FILES = ["package.json", "package-lock.json", "tsconfig.json", "vite.config.ts"].map(
   (name) => `app/web/${name}`,
 );
@@ -47,7 +50,7 @@ export function manifest(repository: string): Plugin {
     closeBundle() {
       const sources = [
         ...FOLDERS.flatMap((name) => below(join(repository, name))),
-        ...FILES.map((name) => join(repository, name)),
+        ...[...FILES, ...CATALOGUES].map((name) => join(repository, name)),
       ];
       const kept = sources.filter((path) => !NO_SOURCE.test(relative(repository, path)));
       const told = { sources: digests(kept, repository), built: digests(below(folder), folder) };

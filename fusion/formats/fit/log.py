@@ -28,6 +28,7 @@ from fusion.formats.fit.messages import HEAD_BYTES, MAGIC, FitFile, read_files
 from fusion.formats.fit.walk import walk
 from fusion.formats.glance import Ends, Glance
 from fusion.frames import GRAVITY_MPS2
+from fusion.messages import say
 from fusion.types import (
     DeviceMotion,
     DriveLog,
@@ -63,7 +64,7 @@ UNRECORDED = {
     "monitoring_daily": "a day of steps and heart rate",
 }
 """What kinds of FIT files that are no recordings hold."""
-EXPORT = "Upload the recorded activity, as the device or its app exports it."
+EXPORT = say("advice.fit_export")
 
 
 class FitFormat(LogFormat):
@@ -72,14 +73,8 @@ class FitFormat(LogFormat):
     name = "fit"
     description = "FIT file"
     suffixes = (".fit",)
-    altitude_advice = (
-        "Record an outdoor activity with satellite reception, on a device with a barometer if you have the choice: "
-        "the altitude is written whenever the device knows it."
-    )
-    doppler_advice = (
-        "FIT files of bicycle computers and watches hold no vertical velocity: their barometer stands in for it, with "
-        "recording every second instead of smart recording; for more, record a u-blox receiver's UBX-NAV-PVT beside it."
-    )
+    altitude_advice = say("advice.fit_altitude")
+    doppler_advice = say("advice.fit_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
@@ -120,16 +115,14 @@ def _refuse_unrecorded(files: list[FitFile], notes: Notes) -> None:
     kinds = [UNRECORDED.get(file.kind, "") for file in files]
     records = [len(file.columns["record"]["timestamp"]) for file in files]
     if all(kinds) and kinds:
-        raise EmptyLogError(f"This FIT file holds {kinds[0]}, no recording. {EXPORT}")
+        raise EmptyLogError(say("fit.no_recording", kind=kinds[0], advice=EXPORT))
     sports = [str(row.get("sub_sport")) for file in files for row in file.words.get("session", ())]
     if sports and all(sport == "virtual_activity" for sport in sports):
-        raise EmptyLogError("This FIT file is of a virtual ride, on roads of a game. Upload a ride outdoors.")
+        raise EmptyLogError(say("fit.virtual"))
     if not any(records) and not any(len(file.columns["gps_metadata"]["timestamp"]) for file in files):
         if notes.warnings:
-            raise MalformedLogError(
-                f"This FIT file has no record before its damage. {notes.warnings[0]} Copy it again from the device."
-            )
-        raise EmptyLogError(f"This FIT file holds no recording: it has no record messages. {EXPORT}")
+            raise MalformedLogError(say("fit.damaged_at_start", damage=notes.warnings[0]))
+        raise EmptyLogError(say("fit.no_records", advice=EXPORT))
     indoors = next((s for s in sports if s.startswith("indoor") or s in ("treadmill", "spin")), "")
     placed = any(
         np.isfinite(file.columns[name]["position_lat"]).any()
@@ -137,11 +130,8 @@ def _refuse_unrecorded(files: list[FitFile], notes: Notes) -> None:
         for name in ("record", "gps_metadata")
     )
     if not placed:
-        where = f" ({indoors.replace('_', ' ')})" if indoors else ""
-        raise EmptyLogError(
-            f"None of the {sum(records)} records of this FIT file{where} has a position: it was recorded indoors, "
-            "under water or without satellite reception. Upload a recording with positions."
-        )
+        where = say("fit.sport", sport=indoors.replace("_", " ")) if indoors else ""
+        raise EmptyLogError(say("fit.no_positions", n=sum(records), where=where))
 
 
 class _Part:
@@ -217,7 +207,9 @@ def _tables(parts: list[_Part], notes: Notes) -> tuple[dict[str, SensorTable], F
     lat, lon = column("position_lat") * SEMICIRCLE_DEG, column("position_long") * SEMICIRCLE_DEG
     placed = np.isfinite(lat) | np.isfinite(lon)
     notes.skip("records without a position", int((~placed).sum()))
-    good = placed & usable_positions(time_s, lat, lon, notes, lambda i: f"record {i + 1}", need=placed)
+    good = placed & usable_positions(
+        time_s, lat, lon, notes, lambda i: say("place.record", n=i + 1), need=placed
+    )
     fix = GnssFix.assemble(
         time_s[good],
         notes.repaired,

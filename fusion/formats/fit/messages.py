@@ -20,6 +20,7 @@ from fitdecode.utils import compute_crc
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, Notes
+from fusion.messages import say
 from fusion.types import Floats, Progress
 
 MAGIC = b".FIT"
@@ -88,10 +89,7 @@ def read_files(data: Data, notes: Notes, progress: Progress) -> list[FitFile]:
         part = memoryview(data)[at:end]
         if closed and end <= len(data) and _crc(part):
             notes.repaired["FIT checksum wrong: read all the same"] += 1
-            notes.warn(
-                f"The checksum of the FIT file (byte {at}) is wrong: it is used as far as it can be read, though some "
-                "of it may be damaged."
-            )
+            notes.warn(say("fit.checksum", at=at))
         stream = io.BytesIO(part if closed else _closed(part))
         out.append(_read_file(stream, at, len(data), notes, progress, closed))
     return out
@@ -105,10 +103,10 @@ def _parts(data: Data, notes: Notes) -> Iterator[tuple[int, int, bool]]:
         if len(head) < HEAD_BYTES or head[8:] != MAGIC or head[0] < HEAD_BYTES:
             if not at:
                 raise MalformedLogError(
-                    "This file does not begin with a whole FIT header. Copy it again from the device.",
+                    say("fit.no_header"),
                     where="byte 0",
                 )
-            notes.skip("bytes after the last FIT file", len(data) - at, f"byte {at}")
+            notes.skip("bytes after the last FIT file", len(data) - at, say("place.byte", n=at))
             return
         body = int(struct.unpack("<I", head[4:8])[0])
         end = at + head[0] + body + 2
@@ -116,9 +114,7 @@ def _parts(data: Data, notes: Notes) -> Iterator[tuple[int, int, bool]]:
         closed = body > 0 or len(data) <= end or behind[8:] == MAGIC
         if not closed:  # the size is written when the recording ends
             notes.repaired["FIT file never closed: read to the end"] += 1
-            notes.warn(
-                "The device never closed this FIT file, as when its battery fails: it is read as far as it goes."
-            )
+            notes.warn(say("fit.never_closed"))
             end = len(data)
         yield at, end, closed
         at = end
@@ -169,18 +165,16 @@ def _say_damage(error: Exception, at: int, closed: bool, count: int, notes: Note
     if isinstance(error, FitEOFError):
         if closed:
             notes.repaired["FIT file cut off: read to the end"] += 1
-            notes.warn(f"The FIT file ends early: the {count} messages up to byte {at} are used.")
+            notes.warn(say("fit.ends_early", n=count, at=at))
         return
     notes.repaired["FIT file damaged: read up to the damage"] += 1
-    notes.warn(f"The FIT file is damaged before byte {at}: the {count} messages before that are used.")
+    notes.warn(say("fit.damaged", at=at, n=count))
 
 
 def _refuse_flood(rows: dict[str, array[float]], out: FitFile) -> None:
     most = max(len(flat) // len(_names(name)) for name, flat in rows.items())
     if max(most, *(len(rows) for rows in out.words.values()), 0) > MOST_ROWS:
-        raise MalformedLogError(
-            f"This FIT file holds more than {MOST_ROWS} messages of one kind. Split the recording."
-        )
+        raise MalformedLogError(say("fit.too_many", most=MOST_ROWS))
 
 
 def _names(message: str) -> list[str]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fusion.formats.base import Notes, is_possible_time, positive
 from fusion.formats.csv_cells import ABSENT
 from fusion.formats.phones.log_lines import WHOLE, Table
+from fusion.messages import say
 from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,
@@ -69,7 +70,7 @@ def measured(table: Table, notes: Notes) -> Signals:
     """
     absent = [name for name in _NEEDED if name not in table.columns]
     if absent:
-        notes.warn(f"The header of the Raw lines does not name {', '.join(absent)}: they cannot be used.")
+        notes.warn(say("phone.raw_header", names=", ".join(absent)))
         return Signals.empty()
     col = {name: _column(table, name) for name in MEASURED}
     system, number = _satellites(col)
@@ -131,7 +132,7 @@ def _usable(col: _Columns, system: Ints, number: Ints, table: Table, notes: Note
     )  # fmt: skip
     good = notes.sift(faults)
     if len(table) and not good.any():
-        nothing = f"{table.place(0)}: no Raw line has a usable measurement"
+        nothing = say("phone.no_raw", place=table.place(0))
         notes.first_offender = notes.first_offender or nothing
     return good
 

@@ -23,6 +23,7 @@ from fusion.formats.base import (
 )
 from fusion.formats.phones.android_raw import MEASURED, measured
 from fusion.formats.phones.log_lines import LogLines, Table
+from fusion.messages import say
 from fusion.signals import RawGnss, Signals
 from fusion.types import DeviceMotion, DriveLog, Floats, Pressure, Progress, SensorTable, ThreeAxes
 
@@ -65,14 +66,8 @@ class GnssLoggerFormat(EitherWay):
     name = "gnsslogger"
     description = "GnssLogger text"
     suffixes = (".txt",)
-    altitude_advice = (
-        "Tick `Location` beside the measurements in GnssLogger: its `Fix` lines of the provider GPS hold "
-        "heights above the ellipsoid."
-    )
-    doppler_advice = (
-        "Tick `Measurements` in GnssLogger: the `Raw` lines hold each satellite's Doppler shift, which "
-        "Android's own positions keep no vertical velocity of."
-    )
+    altitude_advice = say("advice.gnsslogger_altitude")
+    doppler_advice = say("advice.gnsslogger_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
@@ -92,13 +87,10 @@ class GnssLoggerFormat(EitherWay):
         progress("read lines", 1.0)
         if raw is None and not len(tables.get("fix", ())) and notes.first_offender:
             raise EmptyLogError(
-                f"This {self.description} holds no usable position and no usable pseudorange. The first fault: "
-                f"{notes.first_offender}. Record with satellite reception and upload it again."
+                say("phone.nothing_usable", description=self.description, fault=notes.first_offender)
             )
         if not lines.has_kinds and not part:
-            raise MalformedLogError(
-                f"This {self.description} has a header and no line after it. Upload the whole file."
-            )
+            raise MalformedLogError(say("phone.header_only", description=self.description))
         return build_log(self, notes, tables, raw=raw, part=part, device=device)
 
 
@@ -109,10 +101,7 @@ def _fixes(lines: LogLines, notes: Notes) -> dict[str, SensorTable]:
         table = lines.table("Fix", names, notes, provider)
         if len(table):
             if provider != _PROVIDERS[0]:
-                notes.warn(
-                    "The log has no positions of the satellite receiver itself (Fix,GPS): those that the phone mixes "
-                    f"with networks' ({provider}) are used, whose heights are smoothed."
-                )
+                notes.warn(say("phone.mixed_positions", provider=provider))
             return _positions(table, notes)
     return {}
 

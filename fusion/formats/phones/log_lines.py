@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fusion.formats.base import Notes
 from fusion.formats.csv_cells import plain_columns
+from fusion.messages import say
 from fusion.types import Ints
 
 WHOLE = frozenset({
@@ -33,7 +34,7 @@ class Table:
 
     def place(self, row: int) -> str:
         """Where a row stands, in words."""
-        return f"line {self.line[row]}"
+        return say("place.line", n=self.line[row])
 
 
 class LogLines:
@@ -70,7 +71,7 @@ class LogLines:
         usual = int(np.bincount(cells).argmax()) if rows else 0
         odd = np.flatnonzero(cells != usual)
         if len(odd):
-            example = f"line {line[odd[0]]}: {cells[odd[0]] + 1} instead of {usual + 1}"
+            example = say("phone.cells_of_line", line=line[odd[0]], n=cells[odd[0]] + 1, usual=usual + 1)
             notes.skip(f"{kind} lines with another number of cells", len(odd), example)
             rows = [row for row, count in zip(rows, cells, strict=True) if count == usual]
         # the first cell is the kind itself

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.arrays import ColumnTable
+from fusion.messages import say
 from fusion.types import AngularRate, DeviceMotion, DriveLog, Floats, Ints, SpecificForce, ThreeAxes
 
 Complexes = NDArray[np.complex128]
@@ -64,13 +65,11 @@ def in_vehicle_axes(log: DriveLog) -> DriveLog:
     if not device:
         return log
     if len(log.force) or len(log.rate):
-        return _warned(
-            log, "The phone's accelerometer and gyroscope are left out beside those of the vehicle."
-        )
+        return _warned(log, "phone.beside_vehicle")
     force = _with_gravity(device)
     why = _no_up(force)
     if why:
-        return _warned(log, f"The phone's accelerometer and gyroscope are left out: {why}.")
+        return _warned(log, "phone.left_out", why=why)
     up = _up(force)
     changes = _changes(log)
     level = {sign: _axes(sign * up) for sign in (1, -1)}
@@ -78,12 +77,7 @@ def in_vehicle_axes(log: DriveLog) -> DriveLog:
     sign, certain = _sign(device, up, candidates, changes)
     forward = candidates[sign]
     if not forward.clear:
-        log = _warned(
-            log,
-            "The phone's accelerometer is left out: how the phone lies in the vehicle cannot be told from this drive, "
-            "which has too few clear changes of speed and direction by GNSS. Fix the phone to the vehicle and start "
-            "recording before driving off.",
-        )
+        log = _warned(log, "phone.lies_unknown")
         return replace(log, rate=_turning(device.rate, level[sign][2])) if certain else log
     e1, e2, e3 = level[sign]
     ahead = np.cos(forward.angle_rad) * e1 + np.sin(forward.angle_rad) * e2
@@ -98,10 +92,9 @@ def in_vehicle_axes(log: DriveLog) -> DriveLog:
     )
 
 
-def _warned(log: DriveLog, sentence: str) -> DriveLog:
-    if log.source_format == "fit":  # of a camera or a watch
-        sentence = sentence.replace("phone", "device")
-    return replace(log, warnings=(*log.warnings, sentence))
+def _warned(log: DriveLog, key: str, **parameters: str) -> DriveLog:
+    device = "device" if log.source_format == "fit" else "phone"  # of a camera or a watch
+    return replace(log, warnings=(*log.warnings, say(key, device=device, **parameters)))
 
 
 def _stacked(table: ThreeAxes) -> Floats:
@@ -139,16 +132,16 @@ def _means(value: Floats, block: Ints) -> Floats:
 def _no_up(force: ThreeAxes) -> str:
     """Why it cannot be told which way is up, in words; empty if it can."""
     if not len(force):
-        return "forces with gravity are not recorded"
+        return say("phone.no_gravity")
     blocks = _means(_stacked(force), _blocks(force.time_s, _UP_BLOCK_S))
     size = np.linalg.norm(blocks, axis=1)
     if np.ptp(force.time_s) < _SHORTEST_S:
-        return f"they were on for {np.ptp(force.time_s):.3g} s only"
+        return say("phone.short", seconds=np.ptp(force.time_s))
     if not 0.9 * STANDARD_GRAVITY < np.median(size) < 1.1 * STANDARD_GRAVITY:
-        return f"what the accelerometer says is {np.median(size):.3g} m/s2 on the whole, which gravity is not"
+        return say("phone.not_gravity", force=np.median(size))
     cosine = blocks @ _up(force) / np.maximum(size, 1e-9)
     if np.mean(cosine < np.cos(np.radians(_MOST_TURNED_DEG))) > _MOST_MOVED_SHARE:
-        return "the phone was moved on the drive; fix it to the vehicle"
+        return say("phone.moved")
     return ""
 
 

@@ -30,6 +30,7 @@ from fusion.formats.base import (
 from fusion.formats.csv_cells import Block, read_blocks
 from fusion.formats.csv_names import Known, Schema, known_columns
 from fusion.formats.time_texts import of_epoch
+from fusion.messages import say
 from fusion.types import DeviceMotion, DriveLog, Floats, Pressure, Progress, SensorTable, ThreeAxes
 
 _LOCATION = {
@@ -63,11 +64,8 @@ class SensorLoggerFormat(EitherWay):
     description = "zip or CSV of Sensor Logger"
     suffixes = (".zip", ".csv")
     is_of_several = True
-    altitude_advice = "Switch `Location` and, where the phone has one, `Barometer` on in Sensor Logger."
-    doppler_advice = (
-        "Phones' positions have no vertical velocity: on Android record with GnssLogger (measurements) instead; on an "
-        "iPhone let Sensor Logger record `Barometer`, `Accelerometer`, `Gravity` and `Gyroscope` beside `Location`."
-    )
+    altitude_advice = say("advice.sensor_logger_altitude")
+    doppler_advice = say("advice.sensor_logger_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
@@ -84,17 +82,12 @@ class SensorLoggerFormat(EitherWay):
         cells = csv_header.header_of(text).names
         positions = "latitude" in cells and "longitude" in cells
         if not part and not positions:
-            raise EmptyLogError(
-                f"This {self.description} holds no positions. Upload Location.csv and the other files of the recording "
-                "together, as the zip that the app exports."
-            )
+            raise EmptyLogError(say("phone.no_location", description=self.description))
         used = positions or "pressure" in cells or {"x", "y", "z"} <= set(cells)
         if not used or self.file.startswith(_UNUSED):
             return build_log(self, notes, {}, part=part)
         if "time" not in cells:
-            raise MalformedLogError(
-                f"This {self.description} has no column time. Export the recording again."
-            )
+            raise MalformedLogError(say("phone.no_time_column", description=self.description))
         col, blocks = _columns(text, notes, progress)
         time_s = of_epoch(col["time"])
         tables: dict[str, SensorTable] = {}
@@ -128,7 +121,7 @@ def _place(blocks: list[Block], row: int) -> str:
         if row < len(block):
             return block.place(row)
         row -= len(block)
-    return f"row {row + 1}"
+    return say("place.row", n=row + 1)
 
 
 def _positions(

@@ -22,6 +22,7 @@ from fusion.formats.base import (
     usable_positions,
 )
 from fusion.formats.receiver.time_tags import Marks
+from fusion.messages import say
 from fusion.signals import GPS_EPOCH_S
 from fusion.types import Floats, GnssFix, GnssVelocity, Ints, SensorTable
 
@@ -54,7 +55,7 @@ def checked_sentences(text: bytes, notes: Notes, place: Place) -> list[tuple[byt
     summed = [(a, b, int(c, 16)) for a, b, c in matches if c]
     if not summed:
         if matches:
-            notes.warn("No NMEA sentence has a checksum: damage to them cannot be noticed.")
+            notes.warn(say("nmea.no_checksums"))
         return [(text[a:b], a - 1) for a, b, _ in matches]
     start, end, want = (np.array(c) for c in zip(*summed, strict=True))
     running = np.concatenate([[0], np.bitwise_xor.accumulate(np.frombuffer(text, np.uint8))]).astype(np.uint8)
@@ -249,7 +250,7 @@ def _fix(sentences: Sentences, notes: Notes, place: Place) -> GnssFix:
     void = {"GGA": gga["offset"][~gga_good], "RMC": rmc["offset"][rmc["valid"] < 1]}
     for kind, at in sorted(void.items(), key=lambda item: item[1][:1].tolist()):
         if len(at):
-            example = f"{place(int(at[0]))}: the receiver had no fix"
+            example = say("nmea.no_fix", place=place(int(at[0])))
             notes.skip(f"{kind} sentences without a satellite fix", len(at), example, position=True)
     rmc_good = (rmc["valid"] > 0) & ~np.isin(rmc["time_s"], gga["time_s"][gga_good])
     gga["height_ell_m"] = gga["alt_msl_m"] + gga["separation_m"]

@@ -7,14 +7,11 @@ from fusion.formats.base import Data, LogFormat, Notes, Place, build_log
 from fusion.formats.receiver import nmea_sentences, ubx_navigation, ubx_older, ubx_raw, ubx_subframes
 from fusion.formats.receiver.nmea_sentences import WRONG_CHECKSUM
 from fusion.formats.receiver.ubx_frames import SYNC, Frames, find_frames, without_frames
+from fusion.messages import say
 from fusion.signals import RawGnss
 from fusion.types import DriveLog, Progress, SensorTable
 
-ENABLE = (
-    "Switch on UBX-NAV-PVT (better: with NAV-ATT and ESF-MEAS; before u-blox 7: NAV-SOL, NAV-POSLLH and NAV-VELNED), "
-    "UBX-RXM-RAWX with RXM-SFRBX, or the NMEA sentences RMC and GGA in the receiver, record with satellite reception "
-    "and upload again."
-)
+ENABLE = say("advice.ubx")
 
 
 def read_stream(
@@ -37,19 +34,17 @@ def read_stream(
         )
     del text
     if not len(frames) and not content.sentences:
-        sentences, nothing = notes.skipped[WRONG_CHECKSUM], f"This {kind.description} holds no"
+        sentences = notes.skipped[WRONG_CHECKSUM]
         if sentences:
-            raise MalformedLogError(
-                f"{nothing} intact message: the checksum of {sentences} NMEA sentences is wrong. Copy the file again."
-            )
+            raise MalformedLogError(say("receiver.checksums_nmea", description=kind.description, n=sentences))
         if len(frames.corrupt):
             raise MalformedLogError(
-                f"{nothing} intact message: {len(frames.corrupt)} have a wrong checksum. Copy the file again.",
-                where=f"byte {frames.corrupt[0]}",
+                say("receiver.checksums_ubx", description=kind.description, n=len(frames.corrupt)),
+                where=say("place.byte", n=frames.corrupt[0]),
             )
         raise MalformedLogError(
-            f"{nothing} complete message: its {len(data)} bytes end before the first one does. Upload the whole file.",
-            where=f"byte {len(data)}",
+            say("receiver.beginning_only", description=kind.description, n=len(data)),
+            where=say("place.byte", n=len(data)),
         )
     tables, geoid, raw = _merge(data, frames, content, notes, where)
     progress("read messages", 1.0)
@@ -58,9 +53,9 @@ def read_stream(
 
 def _default_place(data: Data, frames: Frames) -> Place:
     if len(frames):
-        return lambda offset: f"byte {offset}"
+        return lambda offset: say("place.byte", n=offset)
     text = bytes(data)
-    return lambda offset: f"line {text.count(10, 0, offset) + 1}"
+    return lambda offset: say("place.line", n=text.count(10, 0, offset) + 1)
 
 
 def _count_broken(frames: Frames, notes: Notes, where: Place) -> None:
@@ -80,10 +75,7 @@ def _warn_of_cut(data: Data, frames: Frames, notes: Notes, where: Place) -> None
         return
     at = int(frames.truncated[0]) if len(frames.truncated) else len(data) - 1
     if len(frames.truncated) or (bytes(data[-1:]) == SYNC[:1] and int(frames.end[-1]) == at):
-        notes.warn(
-            f"The file ends in the middle of a UBX message ({where(at)}): what was recorded after it is missing. "
-            "Upload the whole file if there is more of it."
-        )
+        notes.warn(say("receiver.cut", where=where(at)))
 
 
 def _merge(
@@ -103,5 +95,5 @@ def _merge(
         notes.undated()
     both = [name for name in content.tables if name in tables]
     if both:
-        notes.warn(f"The file holds UBX and NMEA messages for {' and '.join(both)}: the UBX ones are used.")
+        notes.warn(say("receiver.both", both=" and ".join(both)))
     return {**content.tables, **tables}, geoid, raw

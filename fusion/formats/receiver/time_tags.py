@@ -33,6 +33,7 @@ import numpy as np
 from fusion.arrays import ColumnTable
 from fusion.formats.base import Notes, is_possible_time
 from fusion.formats.receiver.ubx_messages import Records
+from fusion.messages import say
 from fusion.signals import GPS_EPOCH_S, WEEK_S
 from fusion.types import Bools, Floats, Ints
 
@@ -228,9 +229,7 @@ class WeekClock:
         whole_ms = np.round(difference)
         self._difference = np.where(np.abs(difference - whole_ms) < 0.05, whole_ms, difference)
         if best == 1:
-            notes.warn(
-                "The receiver never declared its date valid: the dates of this log are taken on trust."
-            )
+            notes.warn(say("receiver.date_unsure"))
         if not self.dated and not np.any(evidence.trust > 1):
             notes.undated()
 

@@ -16,6 +16,7 @@ from fusion.formats.receiver.ubx_messages import DEG, TYPES, Records, decode, ki
 from fusion.formats.receiver.ubx_raw import LEAP_KNOWN, RAWX, epoch_marks, utc_of
 from fusion.formats.receiver.ubx_sensors import sensor_tables
 from fusion.frames import GRAVITY_MPS2
+from fusion.messages import say
 from fusion.types import (
     AngularRate,
     Attitude,
@@ -153,10 +154,10 @@ def _valid_fix(records: Records, notes: Notes, place: Place, offset: Ints) -> Bo
         ("fixes that the receiver flags as not OK", flagged),
     )
 
-    def say(row: int) -> str:
+    def tell(row: int) -> str:
         return f"{place(int(offset[row]))}: fixType {int(kind[row])}, gnssFixOK {int(fine[row])}"
 
-    return notes.sift(faults, say, position=True)
+    return notes.sift(faults, tell, position=True)
 
 
 def _positions(
@@ -246,7 +247,7 @@ def _add_dynamics(tables: dict[str, SensorTable], stream: Stream, clock: WeekClo
         return
     level = attitude.take(np.isfinite(attitude.roll_rad) & np.isfinite(attitude.pitch_rad))
     if not len(level):
-        notes.warn("HNR-INS accelerations are left out: without roll and pitch gravity cannot be added back.")
+        notes.warn(say("receiver.no_gravity"))
         return
     roll, pitch = (
         np.interp(time_s, level.time_s, a, left=np.nan, right=np.nan)

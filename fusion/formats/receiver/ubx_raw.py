@@ -12,6 +12,7 @@ from fusion.formats.base import MAX_TIME_S, Data, Notes, Place, is_possible_time
 from fusion.formats.receiver.time_tags import Marks
 from fusion.formats.receiver.ubx_frames import Frames
 from fusion.formats.receiver.ubx_messages import TYPES, Records, gather
+from fusion.messages import say
 from fusion.signals import (
     BEIDOU,
     CARRIER_HZ,
@@ -87,9 +88,9 @@ def read_signals(
     gps_s = _gps_s(records)
     back = np.flatnonzero(np.diff(gps_s) < 0)
     if len(back):
-        example = f"{place(int(offset[back[0] + 1]))}: the receiver was started again, or files were joined"
+        example = say("receiver.restarted", place=place(int(offset[back[0] + 1])))
         notes.repaired[BACKWARDS] += len(back)
-        notes.warn(f"{BACKWARDS}: {len(back)}; the first: {example}. They were sorted by time.")
+        notes.warn(say("receiver.backwards", what=BACKWARDS, n=len(back), example=example))
     repeated = len(gps_s) - len(np.unique(gps_s))
     if repeated:
         notes.repaired[REPEATED] += repeated
@@ -117,7 +118,9 @@ def _usable(
         (NO_TIME, np.isnan(_gps_s(records))),
     )
     good = notes.sift(
-        faults, lambda row: f"{place(int(offset[row]))}: week {int(records['week'][row])}", position=True
+        faults,
+        lambda row: say("receiver.week", place=place(int(offset[row])), week=int(records["week"][row])),
+        position=True,
     )
     return records[good], offset[good]
 

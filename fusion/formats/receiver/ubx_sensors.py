@@ -19,6 +19,7 @@ from fusion.formats.receiver import ubx_messages
 from fusion.formats.receiver.time_tags import MEAS_HZ, RAW_HZ, Marks, align
 from fusion.formats.receiver.ubx_frames import Frames
 from fusion.formats.receiver.ubx_messages import Records, gather
+from fusion.messages import say
 from fusion.types import AngularRate, Bools, Floats, Ints, Odometry, SensorTable, SpecificForce
 
 FORCE = ("acc_x_mps2", "acc_y_mps2", "acc_z_mps2")
@@ -70,10 +71,7 @@ class SensorStatus:
         worst = np.minimum.reduceat(self.calibration[mine], first)
         count = int(np.count_nonzero(worst < _CALIBRATED))
         if count:
-            notes.warn(
-                f"The receiver had not calibrated its {sensor} in {count} of {len(messages)} status messages "
-                "(ESF-STATUS): its readings are used, being raw either way, but its attitude may be off there."
-            )
+            notes.warn(say("receiver.not_calibrated", sensor=sensor, n=count, messages=len(messages)))
 
 
 Timed = tuple[Samples, Floats]
@@ -99,7 +97,7 @@ def sensor_tables(
     ticks = sum(int(np.isin(s.data_type, ubx_messages.WHEEL_TICKS).sum()) for s, _ in means)
     notes.skip("wheel ticks (their number per turn is not known)", ticks)
     if len(rough.tick) + len(measured) and not len(marks.time_s):
-        notes.warn("Sensor messages (ESF) are left out: no navigation message tells their time.")
+        notes.warn(say("receiver.sensors_undated"))
     return (
         _better(SpecificForce, FORCE, means, raws),
         _better(AngularRate, RATE, means, raws),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from fusion.errors import MalformedLogError
 from fusion.formats.rinex.lines import Lines
+from fusion.messages import say
 from fusion.signals import SYSTEMS
 
 LABEL_AT = 60
@@ -102,16 +103,14 @@ def read_header(lines: Lines) -> Header:
             header.lines = index + 1
             if header.is_observations and not any(header.types.values()):
                 raise MalformedLogError(
-                    "The header of this RINEX file does not say which observations follow (SYS / # / OBS TYPES or "
-                    "# / TYPES OF OBSERV is missing). Export it again.",
-                    where=f"line {header.lines}",
+                    say("rinex.no_types"),
+                    where=say("place.line", n=header.lines),
                 )
             return header
         header.take(line)
     raise MalformedLogError(
-        f"The header of this RINEX file has no end: no line up to line {min(len(lines), LONGEST_HEADER_LINES)} is "
-        f"labelled {_END}. Upload the whole file.",
-        where=f"line {len(lines)}",
+        say("rinex.no_header_end", n=min(len(lines), LONGEST_HEADER_LINES), END=_END),
+        where=say("place.line", n=len(lines)),
     )
 
 
@@ -121,7 +120,7 @@ def _first(line: str) -> Header:
     kind, system = line[20:21].upper(), line[40:41].upper()
     if not 2 <= version < 5:
         raise MalformedLogError(
-            f"The first line of this RINEX file states version {line[:9].strip()[:9]!r}; 2, 3 and 4 are read.",
+            say("rinex.version", version=line[:9].strip()[:9]),
             where="line 1",
         )
     if version < 3 and kind in "GHEJL":  # a navigation file of that system alone
@@ -130,8 +129,7 @@ def _first(line: str) -> Header:
         system = "G"
     if kind not in ("O", "N"):
         raise MalformedLogError(
-            f"This RINEX file holds {_KINDS.get(kind, 'neither observations nor navigation data')}, of which no "
-            "position can be made. Upload the file of observations (and the one of navigation data with it).",
+            say("rinex.other_kind", kind=_KINDS.get(kind, "neither observations nor navigation data")),
             where="line 1",
         )
     return Header(version, kind, system if system in SYSTEMS + "MI" else "G")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fusion.compiled import compiled
 from fusion.errors import MalformedLogError
+from fusion.messages import say
 from fusion.types import Bools, Floats, Ints
 
 MOST_LINES = 16_000_000
@@ -60,9 +61,7 @@ class Lines:
 def split_lines(data: bytes) -> Lines:
     """Find the lines, ended by line feeds with or without carriage returns; raises ``MalformedLogError``."""
     if data.count(b"\n") > MOST_LINES:
-        raise MalformedLogError(
-            f"This RINEX file has more than the {MOST_LINES} lines that are read at most. Split the recording."
-        )
+        raise MalformedLogError(say("rinex.too_long", most=MOST_LINES))
     text = np.frombuffer(data, np.uint8)
     feeds = np.flatnonzero(text == 10).astype(np.int64)
     start = np.concatenate([np.zeros(1, np.int64), feeds + 1])

@@ -6,6 +6,7 @@ from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat
 from fusion.formats.glance import Ends, Glance
 from fusion.formats.rinex.glance import glance_of
+from fusion.messages import say
 from fusion.signals import Navigation
 from fusion.types import DriveLog, Progress
 
@@ -19,14 +20,8 @@ class RinexFormat(LogFormat):
     name = "rinex"
     description = "RINEX file"
     suffixes = (".rnx", ".crx", ".obs", ".nav", ".24o", ".24n")
-    altitude_advice = (
-        "Positions are computed from the raw signals, heights with them; what makes them better is an antenna "
-        "with a free view of the sky."
-    )
-    doppler_advice = (
-        "Let the receiver record Doppler observations (D1C, D1X) beside the pseudoranges: the vertical "
-        "velocity is computed from them."
-    )
+    altitude_advice = say("advice.rinex_altitude")
+    doppler_advice = say("advice.rinex_doppler")
 
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
@@ -47,10 +42,7 @@ class RinexFormat(LogFormat):
         """See ``LogFormat``; raises ``EmptyLogError`` for navigation data alone."""
         log = self.read_part(data, progress, Navigation())
         if log.raw is not None and not len(log.raw.signals):
-            raise EmptyLogError(
-                "This RINEX file holds navigation data and no measurements: it belongs to a file of observations. "
-                "Upload both together, as several files or in one zip."
-            )
+            raise EmptyLogError(say("rinex.navigation_only"))
         return log
 
     def read_part(self, data: Data, progress: Progress, navigation: Navigation) -> DriveLog:

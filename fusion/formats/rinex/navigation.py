@@ -15,6 +15,7 @@ from fusion.arrays import ColumnTable
 from fusion.formats.base import Notes
 from fusion.formats.rinex.header import Header
 from fusion.formats.rinex.lines import Lines, numbers, seconds_of
+from fusion.messages import say
 from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,
@@ -60,7 +61,7 @@ class Records(ColumnTable):
 
     def place(self, row: int) -> str:
         """Where a record stands, in words."""
-        return f"line {self.line[row] + 1}"
+        return say("place.line", n=self.line[row] + 1)
 
 
 def find_records(lines: Lines, header: Header, notes: Notes) -> Records:
@@ -81,10 +82,10 @@ def find_records(lines: Lines, header: Header, notes: Notes) -> Records:
         time_s, good = np.where(lettered, shifted, time_s), np.where(lettered, fine, good)
     good &= np.isfinite(number) & (number >= 1)
 
-    def say(row: int) -> str:
-        return f"line {head[row] + 1}: {lines.line(int(head[row]))[:23]!r}"
+    def tell(row: int) -> str:
+        return say("place.line_text", n=head[row] + 1, text=lines.line(int(head[row]))[:23])
 
-    good = notes.sift((("navigation records without satellite or time", ~good),), say)
+    good = notes.sift((("navigation records without satellite or time", ~good),), tell)
     lead = (4 if modern else 3) + (lettered & (not modern))
     value = _values(lines, head, count, lead)
     number = np.where(good, number, 0).astype(np.int64)

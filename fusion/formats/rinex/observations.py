@@ -20,6 +20,7 @@ from fusion.formats.base import Notes, is_possible_time
 from fusion.formats.rinex import scan
 from fusion.formats.rinex.header import Header
 from fusion.formats.rinex.lines import Lines, seconds_of
+from fusion.messages import say
 from fusion.signals import (
     BEIDOU,
     BEIDOU_LATE_S,
@@ -180,8 +181,8 @@ def _walk(lines: Lines, header: Header, notes: Notes) -> _Rows:
         _take_event(lines, header, rows, count)
     else:
         raise MalformedLogError(
-            f"This RINEX file has over {MOST_EVENTS} headers in mid-file. Export it again without them.",
-            where=f"line {rows.state[scan.LINE] + 1}",
+            say("rinex.too_many_headers", most=MOST_EVENTS),
+            where=say("place.line", n=rows.state[scan.LINE] + 1),
         )
     row_count = rows.state[scan.ROWS]
     rows.epoch_line = rows.epoch_line[: rows.state[scan.EPOCHS]]
@@ -192,9 +193,7 @@ def _walk(lines: Lines, header: Header, notes: Notes) -> _Rows:
     notes.skip("lines of no epoch", int(rows.state[scan.STRAY]))
     notes.skip("epochs with fewer lines than they announce", int(rows.state[scan.SHORT]))
     if rows.state[scan.SHORT]:
-        notes.warn(
-            "Some epochs have fewer lines than they announce, as at the end of a file that is not whole."
-        )
+        notes.warn(say("rinex.short_epochs"))
     return rows
 
 
@@ -228,27 +227,27 @@ def _epochs(lines: Lines, header: Header, rows: _Rows, notes: Notes) -> tuple[Fl
         seconds = seconds + BEIDOU_LATE_S
     good &= is_possible_time(unix_from_gps(seconds))
 
-    def say(epoch: int) -> str:
+    def tell(epoch: int) -> str:
         line = int(rows.epoch_line[epoch])
-        return f"line {line + 1}: {lines.line(line)[:30].strip()!r}"
+        return say("place.line_text", n=line + 1, text=lines.line(line)[:30].strip())
 
-    good = notes.sift((("epochs at no possible time", ~good),), say, position=True)
+    good = notes.sift((("epochs at no possible time", ~good),), tell, position=True)
     good_s = seconds[good]
     backwards = int(np.count_nonzero(np.diff(good_s) < 0))
     repeated = len(good_s) - len(np.unique(good_s)) if len(good_s) else 0
     if backwards:
         notes.repaired["epochs out of order"] += backwards
-        notes.warn(f"{backwards} of the epochs stand before an earlier one: they were sorted by time.")
+        notes.warn(say("rinex.backwards", n=backwards))
     if repeated:
         notes.repaired["epochs given twice"] += repeated
-        notes.warn(f"{repeated} epochs are given more than once: their satellites were put together.")
+        notes.warn(say("rinex.repeated", n=repeated))
     return seconds, good
 
 
 def _count_rows(lines: Lines, rows: _Rows, satellite: Ints, values: Floats, notes: Notes) -> None:
     def example(r: int) -> str:
         name = lines.text[rows.name[r] : rows.name[r] + 3].tobytes().decode("ascii", "replace")
-        return f"line {rows.line[r] + 1}: {name!r}"
+        return say("place.line_text", n=rows.line[r] + 1, text=name)
 
     faults = (
         ("satellites of systems that are not read", satellite == -1),
@@ -263,10 +262,7 @@ def _say_of_channels(signals: Signals, notes: Notes) -> None:
     unknown = np.isnan(signals.frequency_hz)
     if unknown.any():
         slots = ", ".join(f"R{k:02d}" for k in np.unique(signals.number[unknown]))
-        notes.warn(
-            f"The frequency channels of {slots} are neither in the header (GLONASS SLOT / FRQ #) nor in navigation "
-            "data beside: their Doppler is not used."
-        )
+        notes.warn(say("rinex.channels", slots=slots))
 
 
 def _power_failures(
@@ -277,7 +273,5 @@ def _power_failures(
     failed = failed[failed > 0]  # that the receiver was off before the first epoch is no gap
     if len(failed):
         notes.repaired["power failures between epochs"] += len(failed)
-        notes.warn(
-            f"The receiver lost power {len(failed)} times between epochs: these are gaps of the recording."
-        )
+        notes.warn(say("rinex.power", n=len(failed)))
     return unix_from_gps(gps_s[failed])

@@ -20,10 +20,11 @@ from fusion.formats.rinex.header import Header, read_header
 from fusion.formats.rinex.lines import Lines, split_lines
 from fusion.formats.rinex.navigation import read_navigation
 from fusion.formats.rinex.observations import read_observations
+from fusion.messages import say
 from fusion.signals import SYSTEMS, Navigation, RawGnss
 from fusion.types import DriveLog, Progress
 
-ADVICE = "Check that the receiver writes pseudoranges on L1, E1 or B1 and upload the recording again."
+ADVICE = say("advice.rinex")
 
 
 def read_file(
@@ -42,10 +43,7 @@ def read_file(
     kepler_and_glonass = read_navigation(lines, header, notes)
     progress("read navigation data", 1.0)
     if not len(kepler_and_glonass):
-        raise EmptyLogError(
-            "This RINEX navigation file holds no usable ephemeris of GPS, GLONASS, Galileo, BeiDou or QZSS. "
-            "Upload another one of the same day."
-        )
+        raise EmptyLogError(say("rinex.no_ephemeris"))
     return build_log(kind, notes, {}, raw=RawGnss(navigation=kepler_and_glonass), part=True)
 
 
@@ -56,10 +54,14 @@ def _observations(
     signals, outages_s = read_observations(lines, header, notes, progress, channels)
     if not len(signals):
         letters = ", ".join(s for s in header.types if s in SYSTEMS and s.strip())
-        why = f" The first fault: {notes.first_offender}." if notes.first_offender else ""
+        why = say("log.first_fault", fault=notes.first_offender) if notes.first_offender else ""
         raise EmptyLogError(
-            "This RINEX file holds no usable pseudorange on the L1 band"
-            f"{f' (its header names systems {letters})' if letters else ''}.{why} {ADVICE}"
+            say(
+                "rinex.no_pseudorange",
+                systems=say("rinex.systems", letters=letters) if letters else "",
+                why=why,
+                advice=ADVICE,
+            )
         )
     progress("read observations", 1.0)
     epochs_s = signals.time_s
@@ -85,12 +87,12 @@ def unpack(data: bytes, notes: Notes) -> bytes:
         out, code = _run(source, max(FREE_BYTES, MOST_GROWTH * len(data)))
     if not out:
         raise MalformedLogError(
-            "This compact RINEX file cannot be unpacked: it is damaged from its start. Upload it as plain RINEX.",
+            say("rinex.compact_damaged"),
             where="line 1",
         )
     if code != _FINE:
         notes.repaired["compact RINEX damaged"] += 1
-        notes.warn("The compact RINEX file is damaged or ends early: some of its epochs are missing.")
+        notes.warn(say("rinex.compact_ends_early"))
     return out
 
 
@@ -113,8 +115,5 @@ def _collect(process: subprocess.Popen[bytes], most_bytes: int) -> bytes:
     while process.stdout is not None and (piece := process.stdout.read(_CHUNK_BYTES)):
         out += piece
         if len(out) > most_bytes:
-            raise MalformedLogError(
-                f"This compact RINEX file unpacks to over {len(out) >> 20} MiB, which no recording does. "
-                "Upload it as plain RINEX."
-            )
+            raise MalformedLogError(say("rinex.compact_bomb", size_mib=len(out) >> 20))
     return bytes(out)

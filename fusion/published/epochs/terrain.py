@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from fusion.messages import say
 from fusion.methods.base import Options
 from fusion.terrain.dem import Dem
 
@@ -27,7 +28,4 @@ def quality_warnings(dem: Dem, options: TerrainOptions) -> list[str]:
     """A threshold that some raster knows nothing of."""
     if not options.dem_min_quality or not dem.without_quality:
         return []
-    return [
-        f"{', '.join(dem.without_quality)}: no quality layer (..._num.tif) is known, so the option dem_min_quality has "
-        "no effect there. Put it beside the raster, or import both together."
-    ]
+    return [say("method.no_quality", names=", ".join(dem.without_quality))]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fusion.errors import MissingSensorError
 from fusion.filters import kalman
 from fusion.frames import wrap_angle
+from fusion.messages import say
 from fusion.published.epochs.table import Epochs
 from fusion.published.gps_ins.filter import DriveReadings
 from fusion.published.gps_ins.options import GpsInsOptions
@@ -65,10 +66,7 @@ def read_ins(method: str, epochs: Epochs, options: GpsInsOptions) -> Ins:
     heading, sigma, share, offset = _heading(epochs, options)
     speed = _speed(epochs, heading)
     if not (np.isfinite(speed).any() and np.isfinite(heading).any()):
-        raise MissingSensorError(
-            f"Method {method!r} needs {NEED}, and the log has too little of it: record the receiver's velocity or the "
-            "vehicle's speed and yaw as well, or choose a method that does without, such as 'profile'."
-        )
+        raise MissingSensorError(say("method.needs_motion", method=method, need=NEED))
     standing = np.abs(np.nan_to_num(speed)) < options.min_speed_mps
     speed, speed_age = _held(speed, _elapsed(epochs), epochs.after_outage, options.hold_s)
     # A vehicle that stands does not turn: its heading does not age.

@@ -14,6 +14,7 @@ import numpy as np
 from fusion.errors import MissingSensorError
 from fusion.filters.unscented import Unscented
 from fusion.frames import wrap_angle
+from fusion.messages import say
 from fusion.methods.base import DriveResult, Options
 from fusion.published.epochs.levelling import MountPitch, estimate_mount, mount_report, unknown_mount
 from fusion.published.epochs.line import ErrorShares, line_slopes
@@ -90,10 +91,7 @@ class GpsInsMethod:
         if options.height == "gnss" and np.isfinite(epochs.alt_m).any():
             return None
         if dem is None:
-            raise MissingSensorError(
-                f"Method {self.name!r} would take heights from a DEM, and none is there: import one that covers the "
-                "drive, or give a log with altitudes (alt_msl_m or height_ell_m) and leave the option height at gnss."
-            )
+            raise MissingSensorError(say("method.needs_model", name=self.name))
         return dem.filtered(options.dem_min_quality)
 
 
@@ -197,10 +195,7 @@ def _ground(
     structure = (segment >= 0) & (table.bridge[segment] | table.tunnel[segment])
     ground = np.where(structure, np.nan, dem.heights(*network.projection.to_lonlat(mean[:, 0], mean[:, 1])))
     if not np.isfinite(ground).any():
-        raise MissingSensorError(
-            "The DEM knows no height along the drive: import one that covers it, or record altitudes (alt_msl_m or "
-            "height_ell_m)."
-        )
+        raise MissingSensorError(say("method.model_knows_none"))
     return terrain_heights(ground, climb, plane.speed_mps, epochs.time_s, options)
 
 

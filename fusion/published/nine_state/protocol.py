@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 
 from fusion.errors import MissingSensorError
+from fusion.messages import say
 from fusion.published.epochs.table import Epochs
 from fusion.published.nine_state.motion import STATES, STEEPEST_RAD, VX, VY, X, Y, Z
 from fusion.roads.network import RoadNetwork
@@ -140,11 +141,7 @@ class EpochRows(NamedTuple):
     def track(self, epochs: Epochs, network: RoadNetwork, antenna_m: float) -> Track:
         """The filtered epochs; raises ``MissingSensorError`` where there is none."""
         if not self.done.any():
-            raise MissingSensorError(
-                "No epoch of the log has both a position and a height: it has no altitude (alt_msl_m or height_ell_m), "
-                "and no elevation model that this method uses knows one along it. Record altitudes, or import a DEM "
-                "that covers the drive."
-            )
+            raise MissingSensorError(say("method.no_epoch_with_height"))
         rows = EpochRows._make(column[self.done] for column in self)
         x, y, on = rows.state[:, X], rows.state[:, Y], rows.segment >= 0
         distance = np.full(len(x), np.nan)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.errors import MissingSensorError
+from fusion.messages import say
 from fusion.methods.base import DriveResult
 from fusion.published.epochs.line import ErrorShares, line_slopes
 from fusion.published.epochs.table import Epochs, build_epochs
@@ -100,10 +101,7 @@ def prepare(
     heights = bool(np.isfinite(epochs.alt_m).any())
     used = dem if options.dem == "always" or (options.dem == "missing" and not heights) else None
     if not heights and used is None:
-        raise MissingSensorError(
-            "The log has no altitude (alt_msl_m or height_ell_m) and no DEM that this method may use covers it: there "
-            "is nothing to measure slopes from. Record altitudes, or import a DEM of the area."
-        )
+        raise MissingSensorError(say("method.no_height_allowed"))
     terrain = (
         None
         if used is None
@@ -216,17 +214,11 @@ def _own_report(run: DriveRun, engine: OdometerMapFilter, options: OdometerMapOp
 
 def _outage_warnings(engine: OdometerMapFilter) -> list[str]:
     """What a driver should know of stretches that could be bridged badly only."""
-    rows = []
+    rows: list[str] = []
     if engine.blind["everything"]:
-        rows.append(
-            f"{engine.blind['everything']} epochs have no position, and neither wheel rotations nor a speed: the "
-            "motion before and the map alone bridge them. Record wheel_left_rad and wheel_right_rad, or odo_speed_mps."
-        )
+        rows.append(say("method.blind", n=engine.blind["everything"]))
     if engine.blind["turns"]:
-        rows.append(
-            f"{engine.blind['turns']} epochs have no position, and a speed but nothing that feels turns: where the "
-            "vehicle turned off, the estimate went straight on. Record both wheels, a gyroscope or yaw."
-        )
+        rows.append(say("method.without_turns", n=engine.blind["turns"]))
     return rows
 
 

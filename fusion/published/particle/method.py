@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fusion.errors import MissingSensorError
+from fusion.messages import say
 from fusion.methods.base import DriveResult
 from fusion.published.epochs.levelling import MountPitch, estimate_mount, mount_report, unknown_mount
 from fusion.published.epochs.line import ErrorShares, line_slopes
@@ -107,10 +108,7 @@ def prepare(
     """
     epochs = build_epochs(log, network.projection, options.period_s)
     if not np.isfinite(epochs.alt_m).any() and dem is None:
-        raise MissingSensorError(
-            "The log has no altitude (alt_msl_m or height_ell_m) and no DEM covers it: there is nothing to "
-            "measure slopes from. Record altitudes, or import a DEM of the area."
-        )
+        raise MissingSensorError(say("method.no_height"))
     mount = None
     if options.variant == "ch3" and options.filter != "kf":
         mount = estimate_mount(epochs) if options.level_pitch else unknown_mount("off")

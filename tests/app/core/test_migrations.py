@@ -107,6 +107,7 @@ def test_a_database_in_use_keeps_its_data(blank_database_url: str) -> None:
             "sent_by",
             "log_deleted_at",
             "import_id",
+            "failure_said",
             "records",
         },
         {"road_state"},

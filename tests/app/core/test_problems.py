@@ -177,3 +177,26 @@ def test_of_very_many_faults_some_are_told() -> None:
         Request({"type": "http", "path": "/", "headers": []}), KINDS[BadRequestError], "No.", errors
     )
     assert len(json.loads(bytes(answer.body))["errors"]) == 100
+
+
+def test_a_problem_is_said_in_the_language_that_is_asked_for(reading: Any) -> None:
+    path = "/v1/drives/00000000-0000-0000-0000-000000000000"
+    english, german = (
+        reading.client.get(path, headers={"Accept-Language": one})
+        for one in ("fr", "de-DE,de;q=0.9,en;q=0.5")
+    )
+    assert english.json()["title"] == "Not found"
+    assert english.json()["detail"].startswith("There is no drive 00000000-")
+    assert "Content-Language" not in english.headers
+    assert german.json()["title"] == "Nicht gefunden"
+    assert german.json()["detail"].endswith(" gibt es nicht. Vielleicht wurde es gelöscht.")
+    assert german.headers["Content-Language"] == "de"
+    assert german.json()["said"] == english.json()["said"]
+    assert german.json()["said"]["key"] == "service.not_there"
+    assert german.json()["type"] == english.json()["type"]
+
+
+def test_the_reason_at_a_field_is_said_so_too(reading: Any) -> None:
+    answer = reading.client.get("/v1/drives?after=x", headers={"Accept-Language": "de"}).json()
+    assert answer["title"] == "Unbrauchbare Anfrage"
+    assert [one["message"] for one in answer["errors"]] == [answer["detail"]]

@@ -129,6 +129,7 @@ def test_a_report_may_hold_what_json_cannot(sessions: Sessions) -> None:
     assert done.report == {"a": None, "b": [None, 1.5], "c": {"d": "x\ufffdy"}, "e": [1, None]} | {
         "rejected_segments": 0,
         "warnings": [],
+        "warnings_said": [],
     }
     assert done.bbox == (8.0, 49.0, 9.0, 50.0)
     assert (done.status, done.progress) == ("done", 1.0)

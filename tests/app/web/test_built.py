@@ -37,7 +37,9 @@ def sources() -> set[Path]:
     pages = {path for path in pages if "node_modules" not in path.parts}  # what tools keep for themselves
     pages -= below(WEB / "src" / "api")  # made from the API's description, and gone after the build
     names = ("package.json", "package-lock.json", "tsconfig.json", "vite.config.ts")
-    return pages | below(WEB / "plugins") | {WEB / name for name in names}
+    folders = (REPOSITORY / "fusion" / "catalogues", REPOSITORY / "app" / "core" / "messages")
+    catalogues = {folder / f"{language}.json" for folder in folders for language in ("en", "de")}
+    return pages | catalogues | below(WEB / "plugins") | {WEB / name for name in names}
 
 
 @pytest.fixture(scope="module")

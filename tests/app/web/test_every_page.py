@@ -35,7 +35,7 @@ def test_a_second_language(web: Web, tab_maker: Callable[..., Tab], name: str) -
     tab = tab_maker(locale="de-DE")
     tab.page.goto(f"{web.base}/{name}", wait_until="networkidle")
     assert tab.page.locator("html").get_attribute("lang") == "de"
-    assert tab.page.get_by_role("link", name="Karte").is_visible()
+    assert tab.page.get_by_role("link", name="Karte", exact=True).is_visible()
 
 
 def test_policy_allows_this_host_alone(web: Web) -> None:

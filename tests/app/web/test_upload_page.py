@@ -255,9 +255,11 @@ RIDES = {
 }
 WORDS = {
     "en": ("Choose files", "Waits to be computed", "Not used", "Is this one drive?", "Make several drives of it",
-           "0 of 3 drives are done.", "0 of 4 drives are done."),
+           "0 of 3 drives are done.", "0 of 4 drives are done.",
+           "in no format that is known"),
     "de": ("Dateien auswählen", "Wartet auf die Berechnung", "Nicht verwendet", "Ist das eine Fahrt?",
-           "Mehrere Fahrten daraus machen", "0 von 3 Fahrten sind fertig.", "0 von 4 Fahrten sind fertig."),
+           "Mehrere Fahrten daraus machen", "0 von 3 Fahrten sind fertig.", "0 von 4 Fahrten sind fertig.",
+           "kein Format, das hier bekannt ist"),
 }  # fmt: skip
 
 
@@ -268,13 +270,13 @@ def test_a_zip_of_rides_has_a_row_for_each_and_asks_where_it_is_unclear(
     size = {"width": width, "height": 844}
     tab = tab_maker(locale=language, viewport=size, color_scheme="dark" if width < 500 else "light")
     opened(tab, web)
-    button, waits, not_used, question, several, three, four = WORDS[language]
+    button, waits, not_used, question, several, three, four, no_format = WORDS[language]
     choose(tab, named("rides.zip", zip_of(**RIDES)), button=button)
     for name in ("monday.csv, monday2.csv", "tuesday.csv", "friday.csv"):
         row(tab, name).get_by_text(waits).wait_for()
     notes = row(tab, "notes.csv")
     notes.get_by_text(not_used).wait_for()
-    assert notes.get_by_text("in no format that is known").is_visible()
+    assert notes.get_by_text(no_format).is_visible()
     tab.page.get_by_text(three).first.wait_for()
     joined = row(tab, "monday.csv, monday2.csv")
     joined.get_by_text(question).wait_for()

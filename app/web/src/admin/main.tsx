@@ -2,7 +2,7 @@
 import type { ComponentType } from "preact";
 import { Page, show } from "../shared/Page";
 import { may } from "../shared/session";
-import { t } from "../shared/texts";
+import { currentLanguage, t } from "../shared/texts";
 import type texts from "../texts/en.json";
 import { chooseDays, DAYS, days, listProblem, offers, reader, ready } from "./page_state";
 import { Section } from "./parts/Section";
@@ -51,7 +51,7 @@ const PARTS: Part[] = [
 function Reading() {
   const at = reader.readAt.value;
   const rests = reader.restsUntil.value;
-  const time = (ms: number) => new Date(ms).toLocaleTimeString();
+  const time = (ms: number) => new Date(ms).toLocaleTimeString(currentLanguage());
   return (
     <div class="reading">
       <p>

@@ -1,4 +1,5 @@
 /** What the service answers to operators, as this page reads it. */
+import type { Said } from "../shared/said";
 
 export interface Answer<Row> {
   name: string;
@@ -167,7 +168,7 @@ export interface Operation {
   stage: string | null;
   plan: Record<string, unknown> | null;
   result: Record<string, unknown> | null;
-  failure: { kind: string; reason: string } | null;
+  failure: { kind: string; reason: string; said?: Said | null } | null;
   created_at: string;
   started_at: string | null;
   finished_at: string | null;
@@ -204,7 +205,6 @@ export interface Removal {
   drives: number;
   km: number;
   uploaded_bytes: number;
-  sentence: string;
 }
 
 /** Per hour or day; what is missing is left out of its chart. */

@@ -1,5 +1,6 @@
 /** Where one is in the documentation, and the way to the rest: beside the text, or folded above it on a phone. */
 import { useState } from "preact/hooks";
+import { term } from "../shared/said";
 import { t } from "../shared/texts";
 import type { Guide, Section } from "./contents";
 import type { Group } from "./openapi";
@@ -9,7 +10,7 @@ const WIDE = matchMedia("(min-width: 60rem)");
 function Headings({ page }: { page: Guide }) {
   if (page.headings.length < 2) return null;
   return (
-    <ul>
+    <ul lang="en">
       {page.headings.map((one) => (
         <li key={one.id}>
           <a href={`#${one.id}`}>{one.text}</a>
@@ -38,13 +39,13 @@ export function Sidebar({ current, sections, groups }: SidebarProps) {
           </a>
         </p>
         {sections.map((section) => (
-          <div key={section.title} lang="en">
-            <h2>{section.title}</h2>
+          <div key={section.title}>
+            <h2>{term(section.title)}</h2>
             <ul>
               {section.pages.map((page) => (
                 <li key={page.name}>
                   <a href={`/docs/${page.name}`} aria-current={page.name === current ? "page" : undefined}>
-                    {page.title}
+                    {term(page.title)}
                   </a>
                   {page.name === current && <Headings page={page} />}
                 </li>

@@ -4,6 +4,7 @@ import { lookedAt } from "../shared/address";
 import { getJson } from "../shared/api";
 import { errorText } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
+import { term } from "../shared/said";
 import { t } from "../shared/texts";
 import "./docs.css";
 import { type Section, sectionsWith } from "./contents";
@@ -19,13 +20,15 @@ function Books({ sections }: { sections: Section[] }) {
   return (
     <>
       {sections.map((section, n) => (
-        <section key={section.title} aria-labelledby={`section-${n}`} lang="en">
-          <h3 id={`section-${n}`}>{section.title}</h3>
+        <section key={section.title} aria-labelledby={`section-${n}`}>
+          <h3 id={`section-${n}`}>{term(section.title)}</h3>
           <ul class="books">
             {section.pages.map((page) => (
               <li key={page.name} class="card">
-                <a href={`/docs/${page.name}`}>{page.title}</a>
-                <p class="quiet-text">{page.summary}</p>
+                <a href={`/docs/${page.name}`}>{term(page.title)}</a>
+                <p class="quiet-text" lang="en">
+                  {page.summary}
+                </p>
               </li>
             ))}
           </ul>

@@ -4,6 +4,7 @@ import { useEffect, useMemo } from "preact/hooks";
 import { getJson, problemOf } from "../shared/api";
 import { distance, moment, number, percent, slope } from "../shared/format";
 import { tellError } from "../shared/Messages";
+import { reasonOf } from "../shared/remarks";
 import { t } from "../shared/texts";
 import { agreementOf, alignedByRoad, alignedByTime, type Pair, pairsOf } from "./align";
 import { addressOf, type Drive, type Trial } from "./data";
@@ -85,7 +86,9 @@ function TrialRow({ trial }: { trial: Trial }) {
   };
   const state =
     trial.status === "failed"
-      ? (trial.failure?.reason ?? "")
+      ? trial.failure
+        ? reasonOf(trial.failure)
+        : ""
       : trial.status === "running"
         ? t("drive.status.at", { stage: stageOf(trial.stage), percent: Math.round(100 * trial.progress) })
         : t(trial.status === "done" ? "drive.trial.done" : "drive.status.queued");

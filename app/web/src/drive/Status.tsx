@@ -1,7 +1,7 @@
 /** Where a drive is that has not ended well yet: its progress, why it failed, that it is gone. */
 import { stageText } from "../shared/drives";
 import { duration } from "../shared/format";
-import { isNoLog, onPage } from "../shared/remarks";
+import { isNoLog, reasonOf, whereOf } from "../shared/remarks";
 import { hasText, t } from "../shared/texts";
 import { WaitsForRoads } from "../shared/Waits";
 import { RetryButton } from "./Actions";
@@ -52,7 +52,7 @@ export function Failed({ drive }: { drive: Drive }) {
       <h2 id="failed" class="error-text">
         {t("drive.failed.title")}
       </h2>
-      <p>{onPage(failure.reason)}</p>
+      <p>{reasonOf(failure)}</p>
       <dl class="figures">
         <div>
           <dt>{t("drive.failed.stage")}</dt>
@@ -61,7 +61,7 @@ export function Failed({ drive }: { drive: Drive }) {
         {failure.where && (
           <div>
             <dt>{t("drive.failed.where")}</dt>
-            <dd>{failure.where}</dd>
+            <dd>{whereOf(failure)}</dd>
           </div>
         )}
         <div>

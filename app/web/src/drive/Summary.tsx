@@ -2,11 +2,12 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { distance, duration, moment, number, size } from "../shared/format";
+import { remarksOf } from "../shared/remarks";
 import { t } from "../shared/texts";
 import { addressOf, type Drive, type Report } from "./data";
 import { ride } from "./ride";
 import { Scrolled } from "./Scrolled";
-import { allFigures, asksForAction, sentencesOf, versionsOf, warningsOf } from "./sentences";
+import { allFigures, sentencesOf, versionsOf } from "./sentences";
 import { kinds, profile } from "./state";
 import { shares } from "./stretches";
 
@@ -73,10 +74,10 @@ export function LogFigures({ drive }: { drive: Drive }) {
 
 /** What a person should know or do, as the service says it: what is to be done first. One line until it is opened. */
 export function Remarks({ drive }: { drive: Drive }) {
-  const warnings = warningsOf(drive.report as Report | null);
+  const warnings = remarksOf(drive.report);
   if (warnings.length === 0 && !drive.duplicate_of) return null;
-  const toDo = warnings.filter(asksForAction);
-  const others = warnings.filter((one) => !asksForAction(one));
+  const toDo = warnings.filter((one) => one.asks);
+  const others = warnings.filter((one) => !one.asks);
   return (
     <details class="card drive-remarks">
       <summary>
@@ -84,8 +85,8 @@ export function Remarks({ drive }: { drive: Drive }) {
         {toDo.length > 0 && <span class="warn-text">{t("drive.remarks_to_do", { n: toDo.length })}</span>}
       </summary>
       <ul>
-        {[...toDo, ...others].map((one) => (
-          <li key={one}>{one}</li>
+        {[...toDo, ...others].map(({ text }) => (
+          <li key={text}>{text}</li>
         ))}
       </ul>
       {drive.duplicate_of && (

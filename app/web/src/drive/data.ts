@@ -1,6 +1,7 @@
 /** What the service answers about a drive, and how it is asked. */
 import type { components } from "../api/schema";
 import { ApiProblem, getJson } from "../shared/api";
+import type { Said } from "../shared/said";
 
 export type Drive = components["schemas"]["Drive"];
 export type Report = Record<string, unknown>;
@@ -96,7 +97,7 @@ export interface Trial {
   status: string;
   progress: number;
   stage: string | null;
-  failure: { kind: string; reason: string } | null;
+  failure: { kind: string; reason: string; said?: Said | null } | null;
   report: Report | null;
   created_at: string;
 }

@@ -28,18 +28,21 @@ const REPORT = {
 };
 
 describe("a report", async () => {
-  const { allFigures, asksForAction, sentencesOf, warningsOf } = await import("./sentences");
+  const { allFigures, sentencesOf } = await import("./sentences");
+  const { remarksOf } = await import("../shared/remarks");
   const sentences = Object.fromEntries(sentencesOf(REPORT));
 
-  it("has remarks that ask for something, and others", () => {
-    expect(
-      asksForAction("Only 45% of the positions lie on known roads. Import a newer map, or check it."),
-    ).toBe(true);
-    expect(asksForAction("It moved. Look whether it was driven on another road beside.")).toBe(true);
-    expect(asksForAction("3 of 9 measurements of 'pitch' are far off and were given little weight.")).toBe(
-      false,
-    );
-    expect(asksForAction("The GNSS height jumped at 22:13:20 UTC; slopes do not follow it.")).toBe(false);
+  it("has remarks that ask for something, and others, by their keys alone", () => {
+    const said = [
+      { key: "drive.few_on_roads", parameters: { share: 0.45 } },
+      { key: "drive.no_doppler", parameters: { advice: { key: "advice.gpx_doppler", parameters: {} } } },
+      { key: "drive.height_jump", parameters: { clock: "22:13:20 UTC" } },
+    ];
+    const remarks = remarksOf({
+      warnings: ["Import.", "No.", "It jumped.", "Look here."],
+      warnings_said: said,
+    });
+    expect(remarks.map((one) => one.asks)).toEqual([true, true, false, false]);
   });
   it("is sentences in sentences", () => {
     expect(sentences["result"]).toContain("107 segments got a slope; half of them have a sigma below 0.3 %.");
@@ -71,18 +74,14 @@ describe("a report", async () => {
     const rows = Object.fromEntries(allFigures(REPORT));
     expect(rows["something_new.of_a_later"]).toBe("1.23457");
     expect(rows["warnings"]).toBeUndefined();
-    expect(warningsOf(REPORT)).toEqual(["Look here."]);
-    expect(warningsOf(null)).toEqual([]);
+    expect(remarksOf(REPORT)).toEqual([{ text: "Look here.", asks: false }]);
+    expect(remarksOf(null)).toEqual([]);
   });
 
-  it("calls what a log lacks by its name, and names no option of the command line", () => {
+  it("calls what a log lacks by its name", () => {
     const missing = ["fix.height_ell_m", "velocity.s_acc_mps", "velocity.vel_d_mps", "pressure"];
     expect(Object.fromEntries(sentencesOf({ missing }))["log"]).toEqual([
       "The log lacks: height above the ellipsoid, a part of: velocities of the GNSS, air pressure.",
-    ]);
-    const warnings = ["x is not known; did you mean alt_msl_m? Name it by --columns alt_msl_m=x."];
-    expect(warningsOf({ warnings })).toEqual([
-      "x is not known; did you mean alt_msl_m? Then rename it in the file.",
     ]);
   });
 

@@ -3,7 +3,7 @@
  * table of all figures (`allFigures`).
  */
 import { distance, duration, number, percent } from "../shared/format";
-import { onPage } from "../shared/remarks";
+import { term } from "../shared/said";
 import { hasText, type TextKey, type TextValues, t } from "../shared/texts";
 import type { Report } from "./data";
 
@@ -118,7 +118,7 @@ const OF: Record<string, string> = {
 };
 
 function counts(key: string, of: Record<string, number>): string[] {
-  return Object.entries(of).map(([reason, n]) => sentence(key, { n, reason }));
+  return Object.entries(of).map(([reason, n]) => sentence(key, { n, reason: term(reason) }));
 }
 
 const SAYINGS: Sayings = {
@@ -328,19 +328,6 @@ export function sentencesOf(report: Report): [Topic, string[]][] {
   return [...by].filter(([, sentences]) => sentences.length > 0);
 }
 
-/** The warnings as the service words them. */
-export function warningsOf(report: Report | null): string[] {
-  const warnings = report?.["warnings"];
-  return Array.isArray(warnings) ? warnings.map(String).map(onPage) : [];
-}
-
-/** How sentences of the service begin that tell somebody what to do. */
-const ADVICE =
-  /(?:^|[.:;] |, or )(?:check|copy|drive|export|fix|give|import|look|name|pack|record|set|to retry|upload|use) /i;
-
-/** Whether a warning says what a person can do about it. */
-export const asksForAction = (warning: string) => ADVICE.test(warning);
-
 /** Every figure of a report with the way to it, `noise.pitch`, as text. */
 export function allFigures(report: Report): [string, string][] {
   const rows: [string, string][] = [];
@@ -349,7 +336,7 @@ export function allFigures(report: Report): [string, string][] {
       for (const [key, inner] of Object.entries(value)) walk(path ? `${path}.${key}` : key, inner);
     else rows.push([path, plain(value)]);
   };
-  for (const [key, value] of Object.entries(report)) if (key !== "warnings") walk(key, value);
+  for (const [key, value] of Object.entries(report)) if (!key.startsWith("warnings")) walk(key, value);
   return rows.sort(([a], [b]) => (a < b ? -1 : 1));
 }
 

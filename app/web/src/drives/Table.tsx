@@ -1,7 +1,7 @@
 /** The drives: a table, or cards where there is no room for one. */
-import { type Drive, stageText, warningsOf } from "../shared/drives";
+import { type Drive, stageText } from "../shared/drives";
 import { distance, moment, number } from "../shared/format";
-import { onPage } from "../shared/remarks";
+import { reasonOf, remarksOf } from "../shared/remarks";
 import { t } from "../shared/texts";
 import { WaitsForRoads, waitsForRoads } from "../shared/Waits";
 import { failureText, sortedBy } from "./Filters";
@@ -67,7 +67,7 @@ function Status({ drive }: { drive: Drive }) {
         <span class="state failed">{failureText(drive.failure.kind)}</span>
         <details>
           <summary aria-label={t("drives.why_named", { name: drive.filename })}>{t("drives.why")}</summary>
-          <p class="reason">{onPage(drive.failure.reason)}</p>
+          <p class="reason">{reasonOf(drive.failure)}</p>
         </details>
       </>
     );
@@ -100,7 +100,7 @@ function Cell({ name, kind, unknown, children }: CellProps) {
 }
 
 function Row({ drive }: { drive: Drive }) {
-  const remarks = warningsOf(drive).length;
+  const remarks = remarksOf(drive.report).length;
   return (
     <tr>
       <td class="chooser">

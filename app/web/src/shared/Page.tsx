@@ -3,6 +3,7 @@ import { type ComponentChildren, type ComponentType, render } from "preact";
 import { LoggedIn } from "./LoggedIn";
 import { Messages } from "./Messages";
 import { RoadsNotice, watchRoads } from "./roads";
+import { loadSaid } from "./said";
 import { askSession, isNobody, may, session, toLogin } from "./session";
 import {
   chooseLanguage,
@@ -22,6 +23,8 @@ export type PageName = (typeof PAGES)[number] | "keys" | "login" | "owner";
 const OPERATORS: readonly PageName[] = ["admin"];
 /** Pages for everybody. */
 const OPEN: readonly PageName[] = ["docs", "login"];
+/** Pages that show sentences of the service at once. */
+const SAYING: readonly PageName[] = ["admin", "docs", "drives", "upload"];
 
 /** Pages that say so where there are no roads yet. The map says it in its own place. */
 const NEED_ROADS: readonly PageName[] = ["upload", "drives", "admin"];
@@ -108,7 +111,7 @@ function ForOperators({ name }: { name: PageName }) {
 
 /** Show a page in the visitor's language, or lead to where one logs in. */
 export async function show(name: PageName, Content: ComponentType): Promise<void> {
-  await Promise.all([loadTexts(), askSession()]);
+  await Promise.all([loadTexts().then(() => (SAYING.includes(name) ? loadSaid() : undefined)), askSession()]);
   if (asksForKey(name)) return toLogin();
   document.title = `${t(`page.${name}` as TextKey)} – Versant`;
   const place = document.getElementById("page");

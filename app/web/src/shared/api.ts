@@ -6,6 +6,7 @@
  */
 import createClient from "openapi-fetch";
 import type { paths } from "../api/schema";
+import { inWords, loadSaid, type Said, term } from "./said";
 import { toLogin } from "./session";
 import { tellTabs } from "./tabs";
 import { t } from "./texts";
@@ -36,11 +37,12 @@ export async function saidBy(response: Response, read?: unknown): Promise<ApiPro
     const document = read === undefined ? await response.json() : read;
     if (typeof document !== "object" || document === null) throw new TypeError("no document");
     const fields = document as Record<string, string | undefined>;
-    const title = fields["title"] ?? statusText;
+    await loadSaid();
+    const title = term(fields["title"] ?? statusText);
     return new ApiProblem(
       status,
       title,
-      fields["detail"] ?? title,
+      inWords(fields["detail"] ?? title, (document as { said?: Said }).said),
       fields["field"] ?? null,
       fields["type"] ?? null,
     );

@@ -1,7 +1,6 @@
 /** What several pages say of a drive in the same words. */
 import type { components } from "../api/schema";
 import { api, got } from "./api";
-import { onPage } from "./remarks";
 import { hasText, t } from "./texts";
 
 /** A drive; the client's own type of a box is as wide. */
@@ -10,11 +9,6 @@ export type Drive = Omit<components["schemas"]["Drive"], "bbox"> & { bbox: numbe
 /** The drive as it is now. */
 export function getDrive(id: string): Promise<Drive> {
   return got(api.GET("/v1/drives/{drive_id}", { params: { path: { drive_id: id } } }));
-}
-
-/** What its computation remarks on. */
-export function warningsOf(drive: Drive | null): string[] {
-  return ((drive?.report?.["warnings"] as string[] | undefined) ?? []).map(onPage);
 }
 
 /** The map at a box of degrees: west, south, east, north. */

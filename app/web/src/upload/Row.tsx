@@ -1,8 +1,9 @@
 /** One upload in the list: how far it is in words and as a bar, why it failed, and what can be done now. */
 import { confirmed } from "../shared/Confirm";
-import { mapOf, stageText, warningsOf } from "../shared/drives";
+import { mapOf, stageText } from "../shared/drives";
 import { distance, duration, size } from "../shared/format";
-import { onPage } from "../shared/remarks";
+import { reasonOf, remarksOf } from "../shared/remarks";
+import { inWords } from "../shared/said";
 import { t } from "../shared/texts";
 import { WaitsForRoads } from "../shared/Waits";
 import { Columns, mayLackColumns } from "./Columns";
@@ -141,8 +142,9 @@ function Doubts({ item }: { item: Item }) {
 export function Row({ item }: { item: Item }) {
   const phase = item.phase.value;
   const drive = item.drive.value;
-  const warnings = warningsOf(drive);
-  const reason = (phase === "refused" ? item.problem.value?.message : drive?.failure?.reason) ?? "";
+  const warnings = remarksOf(drive?.report);
+  const reason =
+    phase === "refused" ? item.problem.value?.message : drive?.failure && reasonOf(drive.failure);
   return (
     <li class={`upload-row ${phase}`}>
       <div class="what">
@@ -157,14 +159,14 @@ export function Row({ item }: { item: Item }) {
           {item.known.value && <span class="quiet-text"> {t("upload.known")}</span>}
         </p>
         <Bar item={item} />
-        {(phase === "refused" || phase === "failed") && <p class="reason">{onPage(reason)}</p>}
+        {(phase === "refused" || phase === "failed") && <p class="reason">{reason}</p>}
         {phase === "roads" && drive && <WaitsForRoads drive={drive} />}
         {phase === "done" && warnings.length > 0 && (
           <details>
             <summary class="warn-text">{t("upload.warnings", { n: warnings.length })}</summary>
             <ul>
-              {warnings.map((warning) => (
-                <li key={warning}>{warning}</li>
+              {warnings.map(({ text }) => (
+                <li key={text}>{text}</li>
               ))}
             </ul>
           </details>
@@ -173,9 +175,9 @@ export function Row({ item }: { item: Item }) {
           <details>
             <summary class="quiet-text">{t("upload.unused", { n: item.leftOut.value.length })}</summary>
             <ul>
-              {item.leftOut.value.map(({ file, reason: why }) => (
+              {item.leftOut.value.map(({ file, reason: why, said }) => (
                 <li key={file}>
-                  {file}: {why}
+                  {file}: {inWords(why, said)}
                 </li>
               ))}
             </ul>

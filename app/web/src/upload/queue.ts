@@ -5,6 +5,7 @@ import { type Drive, getDrive } from "../shared/drives";
 import { Follower } from "../shared/following";
 import { tellError } from "../shared/Messages";
 import { isNoLog } from "../shared/remarks";
+import { inWords } from "../shared/said";
 import { tellTabs } from "../shared/tabs";
 import { waitsForRoads } from "../shared/Waits";
 import {
@@ -218,7 +219,7 @@ async function settle(item: Item, { drives, left_out }: Accepted): Promise<void>
   const none = (item.instead === null ? left_out : []).map((file) => {
     const one = new Item(item.files, item.query, file.file);
     one.leftOut.value = [file];
-    one.problem.value = new ApiProblem(0, "", file.reason);
+    one.problem.value = new ApiProblem(0, "", inWords(file.reason, file.said));
     one.phase.value = "refused";
     return one;
   });

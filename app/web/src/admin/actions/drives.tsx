@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { confirmed } from "../../shared/Confirm";
 import { distance, size } from "../../shared/format";
 import { tellDone, tellError } from "../../shared/Messages";
-import { t } from "../../shared/texts";
+import { currentLanguage, t } from "../../shared/texts";
 import { withQuery } from "../links";
 import { reader } from "../page_state";
 import { ask } from "../requests";
@@ -47,7 +47,7 @@ function numberOf(accepted: BatchAccepted): number | null {
 
 function skippedText(skipped: Record<string, number>): string {
   return Object.entries(skipped)
-    .map(([kind, count]) => `${kind}: ${count.toLocaleString()}`)
+    .map(([kind, count]) => `${kind}: ${count.toLocaleString(currentLanguage())}`)
     .join(", ");
 }
 
@@ -95,7 +95,6 @@ export async function remove(selection: Selection, whom: string): Promise<string
       title: t("admin.remove.ask", { n: would.drives }),
       what: (
         <>
-          <p lang="en">{would.sentence}</p>
           <p>
             {t("admin.remove.what", {
               whom,

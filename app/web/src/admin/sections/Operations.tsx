@@ -1,6 +1,8 @@
 /** Imports, removals and settling: what is under way, what is planned and waits for a yes, and what was done. */
 import { useEffect, useRef, useState } from "preact/hooks";
 import { moment, number } from "../../shared/format";
+import { reasonOf } from "../../shared/remarks";
+import { inWords, type Said, term } from "../../shared/said";
 import { hasText, t } from "../../shared/texts";
 import { approve, destroys, drop, groundChanged, OPERATIONS } from "../actions/operations";
 import { useReading } from "../page_state";
@@ -22,7 +24,8 @@ function titleOf(one: Operation): string {
 }
 
 function sentenceOf(plan: Record<string, unknown> | null): string | null {
-  return typeof plan?.["sentence"] === "string" ? plan["sentence"] : null;
+  if (typeof plan?.["sentence"] !== "string") return null;
+  return inWords(plan["sentence"], plan["sentence_said"] as Said | null | undefined);
 }
 
 // Worth a look though it is none; others are left out then.
@@ -74,7 +77,7 @@ function Card({ one }: { one: Operation }) {
       {one.status === "running" && (
         <>
           <Progress share={one.progress} label={title} />
-          {one.stage && <p>{one.stage}</p>}
+          {one.stage && <p>{term(one.stage)}</p>}
         </>
       )}
       {one.status === "planned" && <p>{t("admin.operations.planned")}</p>}
@@ -100,7 +103,7 @@ function Card({ one }: { one: Operation }) {
 }
 
 function Outcome({ one }: { one: Operation }) {
-  if (one.failure) return <span class="error-text">{one.failure.reason}</span>;
+  if (one.failure) return <span class="error-text">{reasonOf(one.failure)}</span>;
   return <>{sentenceOf(one.result) ?? sentenceOf(one.plan) ?? "–"}</>;
 }
 

@@ -87,7 +87,7 @@ function Unsolved() {
                         {id.slice(0, 8)}{" "}
                       </a>
                     ))}
-                    <span class="reason">{row.advice}</span>
+                    <span class="reason">{t("admin.queue.advice", { n: row.solvers - 1 })}</span>
                   </>
                 ),
               },

@@ -1,0 +1,166 @@
+"""The catalogues of messages: one key for each sentence, the same in every language, and what is made of them."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import string
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import app.core.messages  # noqa: F401 - adds its catalogues
+from app.core.errors import all_kinds
+from app.core.telemetry.logs import said_of_failure
+from app.web import guides
+from fusion.errors import EmptyLogError
+from fusion.formats import FORMATS
+from fusion.messages import (
+    LANGUAGES,
+    TERMS,
+    Message,
+    catalogue,
+    joined,
+    message_of,
+    remarks_of,
+    said,
+    say,
+    text_in,
+    with_key,
+    with_remarks,
+)
+
+REPOSITORY = Path(__file__).parents[3]
+KEYS = [key for key in catalogue("en") if key != TERMS]
+
+
+@cache
+def trees() -> list[tuple[str, ast.Module]]:
+    """Every module of the library and of the service."""
+    paths = [path for folder in ("fusion", "app") for path in sorted((REPOSITORY / folder).rglob("*.py"))]
+    return [(str(path.relative_to(REPOSITORY)), ast.parse(path.read_text())) for path in paths]
+
+
+def each_call() -> Iterator[tuple[str, ast.Call]]:
+    """Every call, and where it stands."""
+    for path, tree in trees():
+        yield from ((path, node) for node in ast.walk(tree) if isinstance(node, ast.Call))
+
+
+def calls() -> Iterator[tuple[str, str, set[str]]]:
+    """Where a sentence is made by a key that stands there, the key, and the names of its parameters."""
+    for path, call in each_call():
+        by_key = isinstance(call.func, ast.Name) and call.func.id == "say"
+        named = [one.arg for one in call.keywords]
+        if by_key and isinstance(call.args[0], ast.Constant) and None not in named:
+            yield f"{path}:{call.lineno}", call.args[0].value, set(map(str, named))
+
+
+def names(template: str | dict[str, str]) -> set[str]:
+    """What a template asks for."""
+    forms = [template] if isinstance(template, str) else list(template.values())
+    return {name for form in forms for _, name, _, _ in string.Formatter().parse(form) if name}
+
+
+def test_each_sentence_of_the_code_is_in_the_catalogues_with_its_parameters() -> None:
+    english = catalogue("en")
+    wrong = [
+        (place, key)
+        for place, key, parameters in calls()
+        if key not in english or not names(english[key]) <= parameters
+    ]
+    assert wrong == []
+
+
+def test_the_languages_have_the_same_keys_with_the_same_parameters() -> None:
+    english = catalogue("en")
+    for language in LANGUAGES[1:]:
+        other = catalogue(language)
+        assert set(other) == set(english)
+        assert {key: names(other[key]) ^ names(english[key]) for key in KEYS} == {key: set() for key in KEYS}
+
+
+def test_no_key_is_in_two_catalogues_nor_unused() -> None:
+    files = [REPOSITORY / folder / "en.json" for folder in ("fusion/catalogues", "app/core/messages")]
+    keys = [key for file in files for key in json.loads(file.read_text()) if key != TERMS]
+    assert sorted(keys) == sorted(set(keys))
+    nodes = [node for _, tree in trees() for node in ast.walk(tree)]
+    written = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    made = {pattern(node) for node in nodes if isinstance(node, ast.JoinedStr)}
+    made = {one for one in made if re.match(r"[a-z]+\\\.", one)}
+    kinds = {f"problem.{slug}" for slug in all_kinds()}
+    idle = [
+        key for key in keys if key not in written | kinds and not any(re.fullmatch(one, key) for one in made)
+    ]
+    assert idle == []
+
+
+def pattern(text: ast.JoinedStr) -> str:
+    """What an f-string may come to, as a regular expression."""
+    parts = [
+        re.escape(str(one.value)) if isinstance(one, ast.Constant) else r"[a-z_]+" for one in text.values
+    ]
+    return "".join(parts)
+
+
+def test_reasons_for_leaving_something_out_and_other_fixed_words_are_in_every_language() -> None:
+    fixed = {kind.description for kind in FORMATS.values()} | {kind.title for kind in all_kinds().values()}
+    for _, call in each_call():
+        if isinstance(call.func, ast.Attribute) and call.func.attr == "skip":
+            fixed |= {one.value for one in call.args[:1] if isinstance(one, ast.Constant)}
+    for section in guides.sections():
+        fixed |= {section.title, *(one.title for name, _ in section.pages if (one := guides.guide(name)))}
+    assert fixed - set(catalogue("de")[TERMS]) == set()
+
+
+def test_a_message_is_its_english_text_and_said_in_another_language() -> None:
+    first = say("fault.at", place=say("place.line", n=7), fault=say("fault.latitude", lat_deg=91.25))
+    message = say("log.skipped", n=3, reason="latitude out of range", first=first)
+    assert message == (
+        "Skipped 3 x latitude out of range; the first: line 7: lat_deg is 91.25, outside -90..90."
+    )
+    german = (
+        "3 × ausgelassen: Breite außerhalb des Bereichs; zuerst: Zeile 7: "
+        "lat_deg ist 91,25, außerhalb von -90..90."
+    )
+    assert text_in("de", message) == german
+    assert text_in("en", message) == message
+    again = with_key(str(message), json.loads(json.dumps(said(message))))
+    assert (again, text_in("de", again)) == (message, german)
+
+
+def test_messages_go_through_errors_and_reports_with_their_keys() -> None:
+    error = EmptyLogError(say("log.no_file"))
+    assert said(message_of(error)) == {"key": "log.no_file", "parameters": {}}
+    both = joined([say("drive.no_ground"), "", "Mine."])
+    report = with_remarks({"epochs": 3}, [both, "Nobody's."])
+    assert report["warnings_said"][1] is None
+    stored = json.loads(json.dumps(report))
+    assert stored["warnings"] == [f"{say('drive.no_ground')} Mine.", "Nobody's."]
+    again = remarks_of(stored)
+    assert text_in("de", again[0]).endswith("konnte nicht verwendet werden. Mine.")
+    assert remarks_of({"warnings": ["Of an older version."]}) == ["Of an older version."]
+
+
+@pytest.mark.parametrize(
+    "text", ["Plain.", Message("Plain."), Message("Plain.", "of.another_version", {"n": 1})]
+)
+def test_what_has_no_words_stays_as_it_is(text: str) -> None:
+    assert text_in("de", text) == "Plain."
+
+
+def test_a_failure_is_stored_without_places() -> None:
+    reason = say("fault.at", place="8.4612345 or so", fault=say("fault.latitude", lat_deg=91.2345678))
+    stored: Any = said_of_failure(reason, None)
+    assert stored["where"] is None
+    text = json.dumps(stored)
+    assert "8.46" not in text
+    assert "91.2345" not in text
+    assert text_in("de", with_key("", stored["reason"])).endswith(
+        "lat_deg ist (entfernt), außerhalb von -90..90"
+    )
+    assert said_of_failure("Plain.", "line 3") is None

@@ -1,0 +1,99 @@
+"""In German, what the service says of files and drives is German as well."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from app.roads.imports import import_roads
+from browser_fixtures import Tab
+from processing_support import HEADER, process_drive
+from web_fixtures import Web
+
+ENGLISH = re.compile(r"\b(?:the|of|and|is|are|this|that|which|with|they|its|has|no|not|to|were|Record)\b")
+ROWS = b"".join(b"%d,%.5f,8.4\n" % (1_700_000_000 + k, 49 + k * 1e-4) for k in range(40))
+_QUEUED = text("SELECT id, generation FROM drives WHERE status = 'queued' ORDER BY queued_at")
+
+
+@pytest.fixture
+def computing(web: Web) -> Iterator[None]:
+    """A worker beside the service, as far as drives are concerned."""
+    over = threading.Event()
+
+    def work() -> None:
+        context = web.context
+        while not over.wait(0.05):
+            with web.sessions() as session:
+                waiting = session.execute(_QUEUED).all()
+            for drive_id, generation in waiting:
+                process_drive(context, drive_id, generation)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+
+
+def named(name: str, content: bytes) -> dict[str, Any]:
+    return {"name": name, "mimeType": "", "buffer": content}
+
+
+def english(said: str) -> list[str]:
+    """Lines with words of English, without what stands in backquotes and identifiers such as ``no-match``."""
+    lines = re.sub(r"`[^`]*`|\b\w+(?:-\w+)+\b", "", said).splitlines()
+    return [line for line in lines if ENGLISH.search(line)]
+
+
+def test_remarks_failures_and_refusals_of_sample_files(
+    web: Web, tab_maker: Any, files: Path, computing: None, tmp_path: Path
+) -> None:
+    import_roads(web.sessions, files / "town.osm", tmp_path / "dem")
+    tab: Tab = tab_maker(locale="de-DE")
+    tab.expected += ["415", "422"]
+    tab.page.goto(f"{web.base}/upload", wait_until="networkidle")
+    drive = (files / "0.csv").read_bytes()
+    head, *rows = drive.splitlines()
+    odd = b"\n".join([head + b",Lattitude", b"x,y", *(line + b",1" for line in rows)])
+    sent = {
+        "holiday.jpg": b"\xff\xd8\xff" * 300,
+        "columns.csv": b"when;Breite;Laenge\n" + ROWS.replace(b",", b";"),
+        "far.csv": HEADER + ROWS,
+        "early.csv": HEADER + b"0,49,8\n" * 3,
+        "plan.gpx": b'<?xml version="1.0"?><gpx version="1.1"><rte><rtept lat="49" lon="8"/></rte></gpx>',
+        "good.csv": drive,
+        "odd.csv": odd,
+    }
+    with tab.page.expect_file_chooser() as chooser:
+        tab.page.get_by_role("button", name="Dateien auswählen").click()
+    chooser.value.set_files([named(name, content) for name, content in sent.items()])
+    for name, state in (
+        ("holiday.jpg", "refused"),
+        ("columns.csv", "refused"),
+        ("far.csv", "failed"),
+        ("early.csv", "failed"),
+        ("plan.gpx", "failed"),
+        ("good.csv", "done"),
+        ("odd.csv", "done"),
+    ):
+        tab.page.locator(f".upload-row.{state}").filter(has_text=name).wait_for()
+    tab.page.locator(".upload-row summary").evaluate_all("(all) => all.forEach((one) => one.click())")
+    said = "\n".join(tab.page.locator(".upload-row").all_inner_texts())
+    assert "sieht aus wie ein JPEG-Bild" in said
+    assert "keine Position darin kommt in die Nähe einer bekannten Straße" in said
+    assert english(said) == []
+    drives = {one["filename"]: one for one in web.client.get("/v1/drives").json()["drives"]}
+    for name in ("far.csv", "odd.csv"):
+        tab.page.goto(f"{web.base}/drives/{drives[name]['id']}", wait_until="networkidle")
+        where = tab.page.locator(".drive-status.failed" if name == "far.csv" else ".drive-remarks")
+        if name == "odd.csv":
+            where.locator("summary").click()
+        assert english(where.inner_text()) == []
+    assert "ausgelassen" in where.inner_text()
+    assert tab.faults() == []
