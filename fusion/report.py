@@ -16,7 +16,7 @@ import numpy as np
 from pyproj import Geod
 
 from fusion.formats import FORMATS
-from fusion.messages import joined, remarks_of, say, with_remarks
+from fusion.messages import joined, remarks_of, said, say, with_remarks
 from fusion.terrain.datum import MEAN_SEA_LEVEL, datum_of_log
 from fusion.types import CUES, MAX_SPEED_MPS, PAUSE_S, DriveLog, Floats, Track
 
@@ -120,6 +120,7 @@ def drive_report(
         "segments_in_network": len(result.in_network),
         "median_slope_sigma_percent": float(np.median(sigmas)) if sigmas else None,
         "dem": None if dem is None else dem.description,
+        "dem_said": None if dem is None else said(dem.description),
         "dem_datum": None if dem is None else dem.datum,
         "dem_share": None if ground is None else ground.share,
         "dem_only": only,

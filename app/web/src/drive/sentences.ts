@@ -3,7 +3,7 @@
  * table of all figures (`allFigures`).
  */
 import { distance, duration, number, percent } from "../shared/format";
-import { term } from "../shared/said";
+import { inWords, type Said, term } from "../shared/said";
 import { hasText, type TextKey, type TextValues, t } from "../shared/texts";
 import type { Report } from "./data";
 
@@ -259,7 +259,7 @@ const SAYINGS: Sayings = {
   },
   height_datum: {
     topic: "heights",
-    say: (datum: string | null) => (datum ? [sentence("datum", { datum })] : []),
+    say: (datum: string | null) => (datum ? [sentence("datum", { datum: term(datum) })] : []),
   },
   dem: {
     topic: "heights",
@@ -267,7 +267,12 @@ const SAYINGS: Sayings = {
       const share = report["dem_share"] as number | null;
       return dem === null
         ? [sentence("no_dem")]
-        : [sentence("dem", { dem, share: share === null ? "–" : percentOf(share) })];
+        : [
+            sentence("dem", {
+              dem: inWords(dem, report["dem_said"] as Said | null),
+              share: share === null ? "–" : percentOf(share),
+            }),
+          ];
     },
   },
   height_jumps_s: {
