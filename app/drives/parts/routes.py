@@ -12,11 +12,9 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from app.core.errors import NotFoundError
 from app.core.http import (
     JSON,
     BaseUrl,
-    Service,
     ServiceDep,
     existing,
     geojson_answer,
@@ -61,6 +59,7 @@ from app.drives.parts.reading import (
     stem_of,
     text_content,
 )
+from app.drives.parts.stored_log import opened_log
 from app.drives.parts.without_ends import EndsQuery, shown_estimates
 from app.exports.ranges import file_answer
 from app.map.segment import attribution
@@ -288,7 +287,7 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         return unchanged
 
     def opened() -> tuple[BinaryIO, dict[str, str]]:
-        file = _opened(service, drive)
+        file = opened_log(service, drive, BLOCK_BYTES)
         return file, shared | {
             "Content-Disposition": attachment(log_name(drive.filename, file)),
             "X-Content-Type-Options": "nosniff",
@@ -296,13 +295,3 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         }
 
     return file_answer(request, etag, size, BYTES, opened)
-
-
-def _opened(service: Service, drive: Drive) -> BinaryIO:
-    try:
-        return service.blobs.open(drive.blob_key, BLOCK_BYTES)
-    except FileNotFoundError:
-        raise NotFoundError(
-            f"The uploaded file of drive {drive.id} is no longer in the service's storage. What was computed of it "
-            "stays; upload the same file again, and the drive has it again."
-        ) from None

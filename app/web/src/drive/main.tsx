@@ -6,6 +6,7 @@ import { Page, show } from "../shared/Page";
 import { t } from "../shared/texts";
 import { Actions } from "./Actions";
 import { Charts } from "./Charts";
+import { Columns, Heights } from "./Columns";
 import { Compare } from "./Compare";
 import type { Drive, Profile } from "./data";
 import { look, open } from "./load";
@@ -64,6 +65,7 @@ function Shown({ drive: now }: { drive: Drive }) {
           <div class="drive-top">
             {rows ? <Track profile={rows} /> : <div class="drive-map" />}
             <div class="drive-side">
+              <Heights drive={now} />
               <Remarks drive={now} />
               <section class="card" aria-labelledby="figures">
                 <h2 id="figures">{t("drive.figure.title")}</h2>
@@ -78,6 +80,7 @@ function Shown({ drive: now }: { drive: Drive }) {
           <ReportCard drive={now} />
         </>
       )}
+      <Columns drive={now} />
       <Actions drive={now} />
     </>
   );

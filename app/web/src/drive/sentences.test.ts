@@ -82,7 +82,7 @@ describe("a report", async () => {
     ]);
     const warnings = ["x is not known; did you mean alt_msl_m? Name it by --columns alt_msl_m=x."];
     expect(warningsOf({ warnings })).toEqual([
-      "x is not known; did you mean alt_msl_m? Then rename it in the file.",
+      "x is not known; did you mean alt_msl_m? Then say so under Columns of the file on the page of the drive.",
     ]);
   });
 

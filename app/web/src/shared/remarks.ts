@@ -7,8 +7,11 @@ export function isNoLog(drive: { failure: { kind: string } | null }): boolean {
 
 // The service's sentences name options of its command line, which nobody has on a page.
 const OPTIONS: readonly [RegExp, string][] = [
-  [/ Name it by --columns (\S+?)=([^.]+)\./g, " Then rename it in the file."],
-  [/, say what is what by --columns\./g, ", rename the columns in the file."],
+  [
+    / Name it by --columns (\S+?)=([^.]+)\./g,
+    " Then say so under Columns of the file on the page of the drive.",
+  ],
+  [/, say what is what by --columns\./g, ", correct it under Columns of the file on the page of the drive."],
   [
     /, or name the one that holds it, such as `--columns ([^=`]+)=([^`]+)`\./g,
     ", or rename the one that holds it.",
