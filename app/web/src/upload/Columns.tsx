@@ -1,10 +1,11 @@
 /** Lets people say what the columns of their CSV are, where it was refused for columns that it lacks. */
 import { useEffect, useState } from "preact/hooks";
 import { ColumnTable } from "../columns/ColumnTable";
-import type { LogColumn, Named } from "../columns/corrected";
+import { inWords, type LogColumn, type Named } from "../columns/corrected";
 import { problemOf } from "../shared/api";
 import { tellError } from "../shared/Messages";
 import { methods } from "../shared/methods";
+import { onPage } from "../shared/remarks";
 import { t } from "../shared/texts";
 import { type Item, retry } from "./queue";
 
@@ -30,7 +31,14 @@ async function columnsOf(file: File, named: Named): Promise<LogColumn[]> {
   return ((await response.json()) as { columns: LogColumn[] }).columns;
 }
 
-/** The form. */
+/** What no column is taken as, of that which a drive must have. */
+function lacking(columns: LogColumn[]): string[] {
+  const taken = columns.map((one) => one.taken_as ?? "");
+  const timed = taken.includes("time_s") || taken.includes("time");
+  return [...(timed ? [] : ["time"]), ...["lat_deg", "lon_deg"].filter((one) => !taken.includes(one))];
+}
+
+/** Why the file was refused, in plain words where these are columns, and the form. */
 export function Columns({ item }: { item: Item }) {
   const [ours, setOurs] = useState<string[]>([]);
   const [columns, setColumns] = useState<LogColumn[]>([]);
@@ -42,9 +50,12 @@ export function Columns({ item }: { item: Item }) {
       setColumns(found);
     }, tellError);
   }, [item]);
-  if (columns.length === 0) return null;
+  const missing = lacking(columns);
+  if (columns.length === 0 || missing.length === 0)
+    return <p class="reason">{onPage(item.problem.value?.message ?? "")}</p>;
   return (
     <section class="columns" aria-label={t("upload.which_column", { name: item.name })}>
+      <p class="reason">{t("upload.lacks_columns", { what: missing.map(inWords).join(", ") })}</p>
       <p>{t("upload.say_columns")}</p>
       <ColumnTable
         columns={columns}

@@ -140,6 +140,7 @@ export function Row({ item }: { item: Item }) {
   const phase = item.phase.value;
   const drive = item.drive.value;
   const warnings = warningsOf(drive);
+  const lacks = phase === "refused" && mayLackColumns(item);
   const reason = phase === "refused" ? item.problem.value?.message : drive?.failure?.reason;
   return (
     <li class={`upload-row ${phase}`}>
@@ -155,7 +156,7 @@ export function Row({ item }: { item: Item }) {
           {item.known.value && <span class="quiet-text"> {t("upload.known")}</span>}
         </p>
         <Bar item={item} />
-        {(phase === "refused" || phase === "failed") && <p class="reason">{reason}</p>}
+        {(phase === "refused" || phase === "failed") && !lacks && <p class="reason">{reason}</p>}
         {phase === "done" && warnings.length > 0 && (
           <details>
             <summary class="warn-text">{t("upload.warnings", { n: warnings.length })}</summary>
@@ -179,7 +180,7 @@ export function Row({ item }: { item: Item }) {
           </details>
         )}
         <Doubts item={item} />
-        {phase === "refused" && mayLackColumns(item) && <Columns item={item} />}
+        {lacks && <Columns item={item} />}
       </div>
       <Actions item={item} />
     </li>
