@@ -1,0 +1,1 @@
+import{v as e}from"./api-C9iZi1xe.js";function t(t,n,r,i){let a=new EventSource(t);return a.addEventListener(n,e=>r(JSON.parse(e.data))),a.addEventListener(`error`,()=>{a.readyState===EventSource.CLOSED&&(e(),i?.())}),()=>a.close()}export{t};

@@ -1,0 +1,1 @@
+import{i as e,l as t,s as n}from"./theme-BsBIZzj-.js";function r(r,i=async()=>!0){let a=t(!1),o=t(null),s=async()=>{if(await i()){a.value=!0,o.value=null;try{await r()}catch(t){o.value=e(t)}a.value=!1}};return{busy:a.value,submit:e=>{e.preventDefault(),s()},failure:n(`p`,{class:`error-text`,role:`alert`,children:o.value})}}export{r as t};
