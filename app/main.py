@@ -47,6 +47,7 @@ from app.drives.batches import removing
 from app.drives.batches import routes as batches
 from app.drives.documents import Drive
 from app.drives.outputs.drawing import Drawing
+from app.drives.parts import columns
 from app.drives.parts import routes as drive_parts
 from app.drives.person import archive
 from app.drives.person import routes as person
@@ -85,6 +86,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     drives.router,
     feed.router,
     drive_parts.router,
+    columns.router,
     trials.router,
     segments.router,
     segments.behind,

@@ -30,6 +30,7 @@ from fusion.report import Ground, advice_of, drive_report, ground_under, without
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable, boxes_along
 from fusion.terrain.dem import Dem
+from fusion.terrain.geoid import taken_above_ellipsoid
 from fusion.types import DriveLog, Floats, Progress, no_progress
 
 ROAD_MARGIN_M = 250.0
@@ -66,6 +67,8 @@ def run_drive(
     chosen = options if isinstance(options, Options) else parse_options(method, options)
     positioned = log if isinstance(log, Positioned) else positions_of(log, chosen, progress)
     positioned = replace(positioned, log=without_placeholders(positioned.log))
+    if chosen.heights == "ellipsoid" and positioned.solution is None:
+        positioned = replace(positioned, log=taken_above_ellipsoid(positioned.log))
     log = positioned.log
     if len(log.fix) < MIN_FIXES:
         raise EmptyLogError(say("log.too_few_positions", n=len(log.fix), least=MIN_FIXES))

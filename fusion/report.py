@@ -17,7 +17,8 @@ from pyproj import Geod
 
 from fusion.formats import FORMATS
 from fusion.messages import joined, remarks_of, said, say, with_remarks
-from fusion.terrain.datum import MEAN_SEA_LEVEL, datum_of_log
+from fusion.terrain.datum import datum_of_log
+from fusion.terrain.height_doubt import height_doubt, off_ground
 from fusion.types import CUES, MAX_SPEED_MPS, PAUSE_S, DriveLog, Floats, Track
 
 if TYPE_CHECKING:
@@ -27,13 +28,6 @@ if TYPE_CHECKING:
 PART_COVERED = 0.9
 """An elevation model that knows the ground under a smaller share of the positions is worth a warning; every model has
 voids."""
-OFFSET_M = 20.0
-"""Altitudes that are farther off the elevation model all along are no error of either: models are within 9 m in nine of
-ten places (SRTM), receivers within a few metres in the middle of a drive. Barometers that nobody set are off by up to
-100 m, and the ellipsoid is 15 to 50 m from mean sea level in most of Europe and North America."""
-LEAST_RELIEF_M, SCALE_GAIN = 3.0, 3.0
-"""Altitudes are taken for feet if that explains them so many times better, where the ground rises and falls enough."""
-FOOT_M = 0.3048
 REJECTED_SHARE = 1 / 3
 """A drive that contradicts the others on more of its segments than this gets a warning."""
 FEWEST_ALIKE = 60
@@ -105,6 +99,7 @@ def drive_report(
     track = result.track
     sigmas = [slope.slope_sigma_percent for slope in result.slopes]
     only = _rests_on_terrain(log, result, method, ground)
+    doubt = _doubt(log, ground, computed=computed)
     return {
         "format": log.source_format,
         "method": method.name,
@@ -126,6 +121,7 @@ def drive_report(
         "dem_only": only,
         "geoid": log.geoid,
         "height_datum": datum_of_log(log),
+        "height_doubt": doubt,
         "missing": list(log.missing),
         "skipped": dict(log.skipped),
         "repaired": dict(log.repaired),
@@ -137,6 +133,7 @@ def drive_report(
                 *_lacking(log, method, only=only, computed=computed),
                 *(_never_changing(log) if "altitude" in method.cues else ()),
                 *_of_terrain(log, dem, ground),
+                *_below_sea(doubt),
                 *(_nothing_came_out(result) if graded else ()),
             ],
         ),
@@ -275,32 +272,30 @@ def _named(dem: Dem) -> str:
 
 
 def _altitudes_off(log: DriveLog, dem: Dem, ground: Ground) -> list[str]:
-    """Altitudes that lie a constant off the ground, and such as are in feet.
-
-    Heights that the log states above the ellipsoid are another datum by right.
-    """
-    if datum_of_log(log) != MEAN_SEA_LEVEL or _never_changing(log):
+    """Altitudes that lie a constant off the ground, and such as are in feet."""
+    off = None if _never_changing(log) else off_ground(log, ground.row, ground.height_m)
+    if off is None:
         return []
-    altitude = log.fix.alt_msl_m[ground.row]
-    both = np.isfinite(altitude) & np.isfinite(ground.height_m)
-    if not both.any():
-        return []
-    altitude, height = altitude[both], ground.height_m[both]
-    above = altitude - height
-    off, spread = float(np.median(above)), _spread(above)
-    if abs(off) < OFFSET_M:
-        return []
-    if _spread(height) > LEAST_RELIEF_M and SCALE_GAIN * _spread(altitude * FOOT_M - height) < spread:
+    if off.in_feet:
         return [say("drive.feet")]
-    if spread > 0.5 * abs(off):
-        return []  # no constant: where the model stands out from itself is said elsewhere
-    side = "above" if off > 0 else "below"
-    return [say("drive.altitudes_off", off_m=abs(off), side=side, datum=dem.datum)]
+    if not off.is_constant:
+        return []  # where the model stands out from itself is said elsewhere
+    side = "above" if off.off_m > 0 else "below"
+    return [say("drive.altitudes_off", off_m=abs(off.off_m), side=side, datum=dem.datum)]
 
 
-def _spread(values: Floats) -> float:
-    """Half of the values lie so far or farther from the middle one."""
-    return float(np.median(np.abs(values - np.median(values))))
+def _doubt(log: DriveLog, ground: Ground | None, *, computed: bool) -> dict[str, Any] | None:
+    """Why the altitudes that the log states are doubtful; of ``computed`` positions none are stated."""
+    if computed or _never_changing(log):
+        return None
+    return height_doubt(log, *((None, None) if ground is None else (ground.row, ground.height_m)))
+
+
+def _below_sea(doubt: Mapping[str, Any] | None) -> list[str]:
+    """Altitudes below the sea, where no elevation model knows better."""
+    if doubt is None or doubt["above_sea_m"] is None:
+        return []
+    return [say("drive.below_sea", below_m=-doubt["above_sea_m"])]
 
 
 def _nothing_came_out(result: DriveResult) -> list[str]:

@@ -108,12 +108,14 @@ _TABLE = {
     """,
     Rule.UPLOAD: """
         POST /v1/drives
+        POST /v1/drives/columns
         GET /v1/drives/{drive_id}
         GET /v1/drives/{drive_id}/events
     """,
     Rule.OWN: """
         GET /v1/drives
         DELETE /v1/drives/{drive_id}
+        GET /v1/drives/{drive_id}/columns
         GET /v1/drives/{drive_id}/log
         GET /v1/drives/{drive_id}/measurements
         GET /v1/drives/{drive_id}/profile

@@ -301,6 +301,7 @@ def drive_links(base: str, drive: Drive) -> list[Link]:
     ]
     if drive.log_deleted_at is None:
         links += [
+            link(f"{here}/columns", "describedby", title="What the columns of its log are taken as"),
             link(f"{here}/log", "enclosure", "application/octet-stream", "Its log as it was uploaded"),
             link(f"{here}/reprocess", "reprocess", title="POST: process it again"),
         ]

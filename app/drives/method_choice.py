@@ -89,9 +89,8 @@ def asked_columns(columns: Sequence[str]) -> dict[str, Any]:
 
 
 def with_columns_kept(options: Mapping[str, Any], had: Mapping[str, Any]) -> dict[str, Any]:
-    """``options`` with the columns of the options before: they belong to the file, and not to the method."""
-    columns = {"columns": had["columns"]} if "columns" in had else {}
-    return columns | dict(options)
+    """``options`` with the columns and heights of the options before: they belong to the file, not to the method."""
+    return {name: had[name] for name in ("columns", "heights") if name in had} | dict(options)
 
 
 def with_positioning(options: Mapping[str, Any], positioning: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,6 +10,8 @@ from typing import BinaryIO
 from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
 from fusion.formats.base import LogFormat, Notes, refuse_many
 from fusion.formats.container import Member, is_zip, load, members, refuse, shown_name
+from fusion.formats.csv_log import NamedColumnsCsv
+from fusion.formats.csv_table import TakenColumn, taken_columns
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.glance import HEAD_BYTES, Ends, Glance
 from fusion.formats.gpx import GpxFormat
@@ -205,6 +207,15 @@ def refuse_head(head: bytes, *, part: bool = False, columns: Mapping[str, str] |
     the file may be one of several of a drive. Says nothing of a log that is broken or empty farther on.
     """
     _format_of(head, "", columns or {}).refuse_header(head, part=part)
+
+
+def columns_of(head: bytes, columns: Mapping[str, str] | None = None) -> tuple[TakenColumn, ...]:
+    """What the columns of a CSV are taken as, by its first bytes (unpacked); none where it is no table that people can
+    name columns of. ``columns``: what they are said to be; what the header has not is passed over."""
+    chosen = next((f for _, f in FORMATS.items() if f.recognises(head)), None)
+    if not isinstance(chosen, NamedColumnsCsv):
+        return ()
+    return taken_columns(head, chosen.with_columns(columns or {}).schema(part=True))
 
 
 def glance_at(ends: Ends, name: str = "", columns: Mapping[str, str] | None = None) -> Glance:

@@ -23,6 +23,10 @@ UNSTATED_SPEED = "_speed"
 GPS_TIME = "_gps_time"
 """Seconds since the GPS epoch, on the GPS scale."""
 PRESSURE_OF_VEHICLE = "_vehicle_pressure"
+SHOWN_AS = {DATE: "date", UNSTATED_SPEED: "speed_mps", GPS_TIME: TIME, PRESSURE_OF_VEHICLE: "pressure_hpa"}
+"""What people are told that these are."""
+NOT_USED = "-"
+"""What a person says of a column of ours that the file has not, whatever its names are like."""
 
 _UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "length": {"m": (1, 0), "meter": (1, 0), "meters": (1, 0), "metre": (1, 0), "metres": (1, 0), "ft": (0.3048, 0),
@@ -127,16 +131,19 @@ def known_columns(header: Sequence[str], schema: Schema) -> Known:
     """
     cells = _named(header, schema.named, part=schema.part)
     used = {cell.index for cell in cells.values()}
+    barred = {ours for ours, theirs in schema.named.items() if theirs == NOT_USED and ours not in cells}
     lower = [cell.lower() for cell in header]
     often = Counter(lower)
     for ours in schema.columns:
-        if ours not in cells and ours in lower and lower.index(ours) not in used:
+        if ours not in {*cells, *barred} and ours in lower and lower.index(ours) not in used:
             cells[ours] = Cell(lower.index(ours))
             used.add(cells[ours].index)
     by_name: list[str] = []
     for index, name in enumerate(header) if schema.loose else ():
         ours, cell = _understood(name, index)
         if index in used or not ours or ours in cells or (ours in _SAME and _SAME[ours] in cells):
+            continue
+        if ours in barred or SHOWN_AS.get(ours) in barred:
             continue
         cells[ours] = cell
         used.add(index)
@@ -155,7 +162,7 @@ def _named(header: Sequence[str], named: Mapping[str, str], *, part: bool) -> di
     cells: dict[str, Cell] = {}
     for ours, theirs in named.items():
         if _plain(theirs) not in plain:
-            if part:
+            if part or theirs == NOT_USED:
                 continue
             near = get_close_matches(_plain(theirs), plain, 1, 0.6)
             hint = say("columns.near", near=header[plain.index(near[0])][:_SHOWN]) if near else ""
@@ -163,12 +170,21 @@ def _named(header: Sequence[str], named: Mapping[str, str], *, part: bool) -> di
                 say("columns.no_such", theirs=theirs[:60], ours=ours, hint=hint, names=shown_header(header))
             )
         index = plain.index(_plain(theirs))
-        dimension = next((d for o, d in _NAMES.values() if o == ours), "")
+        dimension = _dimension(ours)
         unit = next(
             (u for camel in (True, False) if (u := _split(header[index], dimension, camel=camel)[1])), ""
         )
         cells[ours] = Cell(index, *(_UNITS[dimension][unit] if unit and ours != "time_s" else (1.0, 0.0)))
     return cells
+
+
+def units_of(ours: str) -> Mapping[str, tuple[float, float]]:
+    """The units that a name for a column of ours may state: what its values are multiplied by, what is added then."""
+    return _UNITS.get(_dimension(ours), {})
+
+
+def _dimension(ours: str) -> str:
+    return next((dimension for name, dimension in _NAMES.values() if name == ours), "")
 
 
 def _plain(name: str) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer
@@ -96,7 +96,10 @@ class Options(OptionsModel):
     gnss_options: dict[str, Any] = Field(default_factory=dict)
     """Options of that positioning, by name."""
     columns: dict[str, str] = Field(default_factory=dict)
-    """Columns of a CSV by other names: Versant's name -> the header's."""
+    """Columns of a CSV by other names: Versant's name -> the header's, or - where the file has no such column."""
+    heights: Literal["as-logged", "ellipsoid"] = "as-logged"
+    """What the log's altitudes are: as-logged: what it calls them, ellipsoid: heights above the WGS 84 ellipsoid,
+    whatever it calls them, which a geoid turns into altitudes above the sea where one is installed (EGM2008, EGM96)."""
 
     @field_validator("columns")
     @classmethod
@@ -109,8 +112,9 @@ class Options(OptionsModel):
 
     @model_serializer(mode="wrap")
     def _without_idle_columns(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Names of columns are the file's affair: of a file without any, runs note what they always did."""
+        """What columns and heights are is the file's affair: where nobody says it, runs note what they always did."""
         out: dict[str, Any] = dump(self)
-        if not out["columns"]:
-            del out["columns"]
+        for name in ("columns", "heights"):
+            if out[name] == type(self).model_fields[name].get_default(call_default_factory=True):
+                del out[name]
         return out

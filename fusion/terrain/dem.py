@@ -50,7 +50,7 @@ class Dem:
         self.datum = datums[0] if len(datums) == 1 else f"mixed ({', '.join(datums)})"
         self.postings_m = tuple(mosaic.posting_m for mosaic in mosaics)
         postings = ", ".join(sorted({f"{max(mosaic.posting_m):.3g} m" for mosaic in mosaics}))
-        self.description = say("dem.described", n=len(rasters), postings=postings, datum=self.datum)
+        self.description: str = say("dem.described", n=len(rasters), postings=postings, datum=self.datum)
         if len(self.without_quality) < len(rasters):
             known = len(rasters) - len(self.without_quality)
             self.description += f", quality layers of {known}"

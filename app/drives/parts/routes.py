@@ -12,11 +12,9 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from app.core.errors import NotFoundError
 from app.core.http import (
     JSON,
     BaseUrl,
-    Service,
     ServiceDep,
     existing,
     geojson_answer,
@@ -27,7 +25,6 @@ from app.core.http import (
     with_query,
 )
 from app.core.http import link_documents as documents
-from app.core.messages import say
 from app.core.query import cursor_of, parse_cursor
 from app.core.text import GEO_JSON
 from app.drives import store as drives
@@ -62,6 +59,7 @@ from app.drives.parts.reading import (
     stem_of,
     text_content,
 )
+from app.drives.parts.stored_log import opened_log
 from app.drives.parts.without_ends import EndsQuery, shown_estimates
 from app.exports.ranges import file_answer
 from app.map.segment import attribution
@@ -289,7 +287,7 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         return unchanged
 
     def opened() -> tuple[BinaryIO, dict[str, str]]:
-        file = _opened(service, drive)
+        file = opened_log(service, drive, BLOCK_BYTES)
         return file, shared | {
             "Content-Disposition": attachment(log_name(drive.filename, file)),
             "X-Content-Type-Options": "nosniff",
@@ -297,10 +295,3 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
         }
 
     return file_answer(request, etag, size, BYTES, opened)
-
-
-def _opened(service: Service, drive: Drive) -> BinaryIO:
-    try:
-        return service.blobs.open(drive.blob_key, BLOCK_BYTES)
-    except FileNotFoundError:
-        raise NotFoundError(say("drives.file_gone", id=drive.id)) from None

@@ -81,13 +81,13 @@ class FirstLook:
 
         try:
             # Whether others follow is not known yet, but the first of several may lack what the others have.
-            refuse_head(_unpacked(head), part=self._files > 1, columns=self.columns)
+            refuse_head(unpacked(head), part=self._files > 1, columns=self.columns)
         except LogError as error:
             return error
         return None
 
 
-def _unpacked(head: bytes) -> bytes:
+def unpacked(head: bytes) -> bytes:
     """What the beginning of a file unpacks to, at most ``HEAD_BYTES``; ``MalformedLogError`` where that is no log's."""
     for _ in range(_LAYERS):
         if not head.startswith(GZIP_MAGIC):

@@ -105,6 +105,7 @@ def test_columns_belong_to_the_file_whatever_the_method() -> None:
     had = {"particles": 7, "columns": {"alt_msl_m": "a"}}
     assert with_columns_kept({}, had) == {"columns": {"alt_msl_m": "a"}}
     assert with_columns_kept({"columns": {"time": "t"}}, had) == {"columns": {"time": "t"}}
+    assert with_columns_kept({}, {"particles": 7, "heights": "ellipsoid"}) == {"heights": "ellipsoid"}
 
 
 def test_columns_are_kept_by_uploads_reruns_and_batches(web: Any) -> None:

@@ -134,13 +134,17 @@ def test_what_is_refused_says_why_and_can_be_tried_again(web: Web, tab_maker: Ca
     row(tab, "big.csv").get_by_text("larger than 200000 bytes").wait_for()
     row(tab, "big.csv").get_by_role("button", name="Try big.csv again").wait_for()
     assert tab.faults() == []
-    # A CSV by other names: the columns that it lacks are asked for.
+    # A CSV by other names: people say what its columns are.
     header, rows = LOG.split(b"\n", 1)
     assert header == b"time_s,lat_deg,lon_deg"
     choose(tab, named("ours.csv", b"when;Breite;Laenge\n" + rows.replace(b",", b";")))
     form = row(tab, "ours.csv")
-    for ours, theirs in (("lat_deg", "Breite"), ("lon_deg", "Laenge"), ("time_s", "when")):
-        form.get_by_label(ours, exact=True).select_option(theirs)
+    form.get_by_text(
+        "No column of the file was found to be this: date and time, latitude, longitude."
+    ).wait_for()
+    assert "--columns" not in form.inner_text()
+    for ours, theirs in (("latitude", "Breite"), ("longitude", "Laenge"), ("seconds since 1970", "when")):
+        form.get_by_label(theirs, exact=True).select_option(ours)
     assert tab.faults() == []
     form.get_by_role("button", name="Upload with these columns").click()
     form.get_by_text("Waits to be computed").wait_for()

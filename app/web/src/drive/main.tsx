@@ -8,6 +8,7 @@ import { waitsForRoads } from "../shared/Waits";
 import { Actions } from "./Actions";
 import { Charts } from "./Charts";
 import { Climbs, RideFigures } from "./Climbs";
+import { Columns, Heights } from "./Columns";
 import { Compare } from "./Compare";
 import type { Drive, Profile } from "./data";
 import { look, open } from "./load";
@@ -97,6 +98,7 @@ function Shown({ drive: now }: { drive: Drive }) {
           <div class="drive-top">
             {rows ? <Track profile={rows} /> : <div class="drive-map" />}
             <div class="drive-side">
+              <Heights drive={now} />
               <Remarks drive={now} />
               <Climbs />
               <section class="card" aria-labelledby="figures">
@@ -112,6 +114,7 @@ function Shown({ drive: now }: { drive: Drive }) {
           <ReportCard drive={now} />
         </>
       )}
+      <Columns drive={now} />
       <Actions drive={now} />
     </>
   );

@@ -35,7 +35,7 @@ test("sentences inside of sentences, lists and fixed words are said so, too", ()
 test("a page names no option of the command line", () => {
   const said = { key: "csv.unknown_near", parameters: { name: "Lattitude", match: "lat_deg" } };
   expect(inWords("", said)).toBe(
-    "Lattitude ist nicht bekannt; meinten Sie lat_deg? Dann benennen Sie es in der Datei um.",
+    "Lattitude ist nicht bekannt; meinten Sie lat_deg? Dann sagen Sie es unter Spalten der Datei auf der Seite der Fahrt.",
   );
 });
 

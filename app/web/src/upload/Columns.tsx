@@ -1,10 +1,14 @@
-/** Lets people say which column of their CSV is which, where it was refused for columns that it lacks. */
-import { useEffect, useId, useState } from "preact/hooks";
+/** Lets people say what the columns of their CSV are, where it was refused for columns that it lacks. */
+import { useEffect, useState } from "preact/hooks";
+import { ColumnTable } from "../columns/ColumnTable";
+import { inWords, type LogColumn, type Named } from "../columns/corrected";
+import { problemOf } from "../shared/api";
 import { tellError } from "../shared/Messages";
 import { methods } from "../shared/methods";
 import { t } from "../shared/texts";
-import { columnsOf, missingColumns } from "./header";
 import { type Item, retry } from "./queue";
+
+const ENOUGH_BYTES = 64 * 1024;
 
 /** Whether that may be why an item was refused. */
 export function mayLackColumns(item: Item): boolean {
@@ -14,56 +18,54 @@ export function mayLackColumns(item: Item): boolean {
   );
 }
 
-/** The form. */
+/** What the service would take the columns of a file as, by its beginning and what was said of them. */
+async function columnsOf(file: File, named: Named): Promise<LogColumn[]> {
+  const said = Object.entries(named).map(([ours, theirs]) => ["columns", `${ours}=${theirs}`]);
+  const response = await fetch(`/v1/drives/columns?${new URLSearchParams(said)}`, {
+    method: "POST",
+    headers: { "Content-Type": "application/octet-stream" },
+    body: file.slice(0, ENOUGH_BYTES),
+  });
+  if (!response.ok) throw await problemOf(response);
+  return ((await response.json()) as { columns: LogColumn[] }).columns;
+}
+
+/** What no column is taken as, of that which a drive must have. */
+function lacking(columns: LogColumn[]): string[] {
+  const taken = columns.map((one) => one.taken_as ?? "");
+  const timed = taken.includes("time_s") || taken.includes("time");
+  return [...(timed ? [] : ["time"]), ...["lat_deg", "lon_deg"].filter((one) => !taken.includes(one))];
+}
+
+/** Why the file was refused, in plain words where these are columns, and the form. */
 export function Columns({ item }: { item: Item }) {
-  const id = useId();
   const [ours, setOurs] = useState<string[]>([]);
-  const [theirs, setTheirs] = useState<string[]>([]);
-  const [chosen, setChosen] = useState<Record<string, string>>(item.columns);
+  const [columns, setColumns] = useState<LogColumn[]>([]);
   useEffect(() => {
     const [file] = item.files;
     if (!file) return;
-    Promise.all([methods(), columnsOf(file)]).then(([known, header]) => {
-      setOurs(missingColumns(item.problem.value?.message ?? "", known.columns, header));
-      setTheirs(header);
+    Promise.all([methods(), columnsOf(file, item.columns)]).then(([known, found]) => {
+      setOurs(known.columns);
+      setColumns(found);
     }, tellError);
   }, [item]);
-  if (ours.length === 0 || theirs.length === 0) return null;
-  const named = Object.fromEntries(Object.entries(chosen).filter(([, name]) => name !== ""));
+  const missing = lacking(columns);
+  if (columns.length === 0 || missing.length === 0)
+    return <p class="reason">{item.problem.value?.message}</p>;
   return (
-    <form
-      class="columns"
-      onSubmit={(event) => {
-        event.preventDefault();
-        item.columns = named;
-        void retry(item);
-      }}
-    >
-      <fieldset>
-        <legend>{t("upload.which_column")}</legend>
-        {ours.map((one) => (
-          <div key={one} class="column">
-            <label for={`${id}-${one}`}>
-              <code>{one}</code>
-            </label>
-            <select
-              id={`${id}-${one}`}
-              value={chosen[one] ?? ""}
-              onChange={(event) => setChosen({ ...chosen, [one]: event.currentTarget.value })}
-            >
-              <option value="">{t("upload.not_in_file")}</option>
-              {theirs.map((name) => (
-                <option key={name} value={name}>
-                  {name}
-                </option>
-              ))}
-            </select>
-          </div>
-        ))}
-        <button type="submit" class="primary" disabled={Object.keys(named).length === 0}>
-          {t("upload.with_columns")}
-        </button>
-      </fieldset>
-    </form>
+    <section class="columns" aria-label={t("upload.which_column", { name: item.name })}>
+      <p class="reason">{t("upload.lacks_columns", { what: missing.map(inWords).join(", ") })}</p>
+      <p>{t("upload.say_columns")}</p>
+      <ColumnTable
+        columns={columns}
+        ours={ours}
+        had={item.columns}
+        action={t("upload.with_columns")}
+        use={(named) => {
+          item.columns = named;
+          void retry(item);
+        }}
+      />
+    </section>
   );
 }

@@ -143,6 +143,7 @@ export function Row({ item }: { item: Item }) {
   const phase = item.phase.value;
   const drive = item.drive.value;
   const warnings = remarksOf(drive?.report);
+  const lacks = phase === "refused" && mayLackColumns(item);
   const reason =
     phase === "refused" ? item.problem.value?.message : drive?.failure && reasonOf(drive.failure);
   return (
@@ -159,7 +160,7 @@ export function Row({ item }: { item: Item }) {
           {item.known.value && <span class="quiet-text"> {t("upload.known")}</span>}
         </p>
         <Bar item={item} />
-        {(phase === "refused" || phase === "failed") && <p class="reason">{reason}</p>}
+        {(phase === "refused" || phase === "failed") && !lacks && <p class="reason">{reason}</p>}
         {phase === "roads" && drive && <WaitsForRoads drive={drive} />}
         {phase === "done" && warnings.length > 0 && (
           <details>
@@ -184,7 +185,7 @@ export function Row({ item }: { item: Item }) {
           </details>
         )}
         <Doubts item={item} />
-        {phase === "refused" && mayLackColumns(item) && <Columns item={item} />}
+        {lacks && <Columns item={item} />}
       </div>
       <Actions item={item} />
     </li>

@@ -1,6 +1,5 @@
 import { describe, expect, it } from "vitest";
 import { belongTogether, chosenFiles, isHidden } from "./gathering";
-import { headerOf, missingColumns } from "./header";
 
 describe("files", () => {
   it("leaves out what is hidden, and what lies in hidden folders", () => {
@@ -19,20 +18,5 @@ describe("files", () => {
     expect(belongTogether(["monday.csv", "tuesday.gpx"], 32)).toBe(false);
     expect(belongTogether(["brdc.26n"], 32)).toBe(false);
     expect(belongTogether(["a.nav", "b.obs", "c.obs"], 2)).toBe(false);
-  });
-});
-
-describe("columns", () => {
-  it("reads a header whatever parts its cells", () => {
-    expect(headerOf('# made by x\n"when";Breite;Laenge\n1;2;3')).toEqual(["when", "Breite", "Laenge"]);
-    expect(headerOf("a,b\n1,2")).toEqual(["a", "b"]);
-    expect(headerOf("")).toEqual([]);
-  });
-
-  it("asks for those that a refusal names and the file lacks", () => {
-    const reason = "This CSV lacks required columns: time_s or time, lat_deg. Its header names: lon_deg.";
-    expect(
-      missingColumns(reason, ["time", "time_s", "lat_deg", "lon_deg", "alt_msl_m"], ["lon_deg"]),
-    ).toEqual(["time", "time_s", "lat_deg"]);
   });
 });
