@@ -137,7 +137,9 @@ def test_what_is_refused_says_why_and_can_be_tried_again(web: Web, tab_maker: Ca
     assert header == b"time_s,lat_deg,lon_deg"
     choose(tab, named("ours.csv", b"when;Breite;Laenge\n" + rows.replace(b",", b";")))
     form = row(tab, "ours.csv")
-    form.get_by_text("No column of the file was found to be this: date and time, latitude, longitude.").wait_for()
+    form.get_by_text(
+        "No column of the file was found to be this: date and time, latitude, longitude."
+    ).wait_for()
     assert "--columns" not in form.inner_text()
     for ours, theirs in (("latitude", "Breite"), ("longitude", "Laenge"), ("seconds since 1970", "when")):
         form.get_by_label(theirs, exact=True).select_option(ours)
