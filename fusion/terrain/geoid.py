@@ -38,7 +38,10 @@ class Geoid(NamedTuple):
 
 
 def geoid_at(lon_deg: ArrayLike, lat_deg: ArrayLike) -> Geoid | None:
-    """The best geoid of which PROJ has a grid here that reaches one of the places (n,); nothing is fetched."""
+    """The best geoid of which PROJ has a grid here that reaches one of the places (n,).
+
+    Nothing is fetched, unless PROJ is told to (``PROJ_NETWORK``).
+    """
     lon, lat = np.atleast_1d(lon_deg).astype(float), np.atleast_1d(lat_deg).astype(float)
     for grid, name in _GRIDS:
         try:
