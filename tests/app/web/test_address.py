@@ -76,8 +76,7 @@ ADMIN = """() => {
 }"""
 DOCS = """() => {
   const heading = document.querySelector('h1')?.textContent;
-  const guide = document.querySelector('article.guide');
-  if (!heading || (!guide && !document.querySelector('details.operation'))) return null;
+  if (!heading || !document.querySelector('article.guide, details.operation')) return null;
   return { heading, open: [...document.querySelectorAll('details.operation[open]')].map((one) => one.id) };
 }"""
 OTHERS = "() => document.querySelector('main h1')?.textContent ?? null"
