@@ -189,7 +189,6 @@ def test_two_that_keep_machine_code_at_once_keep_both(
         ((signature, code),) = loop.overloads.items()
         loop._cache.save_overload(signature, code)
 
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(caching.config, "CACHE_DIR", str(tmp_path))
     loops: list[Callable[..., Any]] = [compiled(twice), compiled(twice)]
     assert (loops[0](1), loops[1](1.5)) == (2, 3.0)

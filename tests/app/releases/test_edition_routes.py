@@ -177,6 +177,7 @@ OF_NO_EDITION = {
     "/collections/ways/sortables": "of the program",
     "/collections/{collection_id}": "there is none of that name",
     "/collections/{collection_id}/{rest:path}": "there is none of that name",
+    "/names.json": "names are OpenStreetMap's, and of no drive",
     "/tiles/{z}/{x}/{y}.geojson": "a tile in which nothing changed keeps its ETag from one edition to the next",
     "/v1/changes/events": "a stream, that says what to fetch anew",
     "/v1/editions": "of every edition",

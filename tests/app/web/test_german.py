@@ -76,7 +76,7 @@ def test_remarks_failures_and_refusals_of_sample_files(
     for name, state in (
         ("holiday.jpg", "refused"),
         ("columns.csv", "refused"),
-        ("far.csv", "failed"),
+        ("far.csv", "roads"),
         ("early.csv", "failed"),
         ("plan.gpx", "failed"),
         ("good.csv", "done"),
@@ -86,12 +86,12 @@ def test_remarks_failures_and_refusals_of_sample_files(
     tab.page.locator(".upload-row summary").evaluate_all("(all) => all.forEach((one) => one.click())")
     said = "\n".join(tab.page.locator(".upload-row").all_inner_texts())
     assert "sieht aus wie ein JPEG-Bild" in said
-    assert "keine Position darin kommt in die Nähe einer bekannten Straße" in said
+    assert "Wo diese Fahrt war, sind keine Straßen importiert." in said
     assert english(said) == []
     drives = {one["filename"]: one for one in web.client.get("/v1/drives").json()["drives"]}
-    for name in ("far.csv", "odd.csv"):
+    for name in ("early.csv", "odd.csv"):
         tab.page.goto(f"{web.base}/drives/{drives[name]['id']}", wait_until="networkidle")
-        where = tab.page.locator(".drive-status.failed" if name == "far.csv" else ".drive-remarks")
+        where = tab.page.locator(".drive-status.failed" if name == "early.csv" else ".drive-remarks")
         if name == "odd.csv":
             where.locator("summary").click()
         assert english(where.inner_text()) == []
