@@ -187,7 +187,6 @@ def serve(settings: Settings, console: Console, prepare: Callable[[Settings], ob
 
     ``prepare`` is what a lane does first; it raises where there is nothing to work on.
     """
-    lower_priority()
     watch, can_compile = ParentWatch(), compiling.can_be_kept()
     if can_compile and not compiling.is_compiled(first=True):
         console.note(
@@ -198,6 +197,7 @@ def serve(settings: Settings, console: Console, prepare: Callable[[Settings], ob
             while process.poll() is None:
                 watch.look_after(console)  # which may end this
                 time.sleep(_LOOK_EVERY_S)
+    lower_priority()  # all drives waited for what was compiled; from here on requests go before them
     compiling.load()
     gc.collect()
     # A collection writes into the header of every object it looks at: without this each lane would soon have its own
