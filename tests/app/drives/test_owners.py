@@ -180,7 +180,7 @@ def test_another_s_drive_is_to_every_route_as_none(keyed_filled: Keyed) -> None:
     keyed = keyed_filled
     drive = keyed.give(add_drive(keyed.web.sessions, [0, 1, 2]), keyed.a)
     trial = keyed.a.own.post(f"/v1/drives/{drive}/trials?method=dem").json()["id"]
-    assert len(OF_DRIVES) == 16
+    assert len(OF_DRIVES) == 17
     for method, path in OF_DRIVES:
         for holder in (keyed.b.own, keyed.b.upload):
             here = told(holder, method, path, drive, trial)
