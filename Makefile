@@ -2,6 +2,7 @@
 
 VENV := .venv
 BIN := $(VENV)/bin
+RUNTIME := $(VENV)/.runtime
 INSTALLED := $(VENV)/.installed
 POSTGRES := $(VENV)/.postgres
 COMPILED := $(VENV)/.compiled
@@ -24,7 +25,7 @@ help:  ## list the targets
 
 setup: $(INSTALLED) $(POSTGRES) $(COMPILED)  ## make .venv, compile, and as root on Debian install PostGIS if it is missing
 
-demo: $(INSTALLED) $(POSTGRES)  ## from nothing to slopes: the whole job on simulated drives, result in demo/
+demo: $(RUNTIME) $(POSTGRES)  ## from nothing to slopes: the whole job on simulated drives, result in demo/
 	@$(BIN)/versant demo --output demo
 
 # Each process of the tests has its share of the cores: threads of linear algebra that wait for each other take a
@@ -95,13 +96,18 @@ $(VENV)/.made:
 	@touch $@
 
 # Python compiles what it imports when it does: of all packages beforehand that takes 20 s.
-$(INSTALLED): $(VENV)/.made .lock/dev.txt pyproject.toml
-	@echo "Installing the locked dependencies into $(VENV) (some minutes, 2 GB) ..."
-	@$(BIN)/python -m pip install --quiet --no-compile --require-hashes -r .lock/dev.txt
+$(RUNTIME): $(VENV)/.made .lock/runtime.txt pyproject.toml
+	@echo "Installing the locked dependencies into $(VENV) (a minute or some, 1 GB) ..."
+	@$(BIN)/python -m pip install --quiet --no-compile --require-hashes -r .lock/runtime.txt
 	@$(BIN)/python -m pip install --quiet --no-deps -e .
 	@touch $@
 
-$(POSTGRES): $(INSTALLED) .ci/prepare
+$(INSTALLED): $(RUNTIME) .lock/dev.txt
+	@echo "Installing what tests and linters need into $(VENV) ..."
+	@$(BIN)/python -m pip install --quiet --no-compile --require-hashes -r .lock/dev.txt
+	@touch $@
+
+$(POSTGRES): $(RUNTIME) .ci/prepare
 	@.ci/prepare postgis $(BIN)/python
 	@touch $@
 
