@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import re
 import shutil
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from sqlalchemy import text
 
+from processing_support import process_drive
 from server_support import wait_until
+from web_fixtures import Web
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, BrowserContext, Page
 
+_QUEUED = text("SELECT id, generation FROM drives WHERE status = 'queued' ORDER BY queued_at")
 NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 """The shell first: it draws the same pages by the same engine, without a desktop browser's windows around each."""
 FLAGS = (
@@ -158,3 +163,30 @@ def tab_maker(browser: Browser) -> Iterator[Callable[..., Tab]]:
 def tab(tab_maker: Callable[..., Tab]) -> Tab:
     """A tab as on a desk."""
     return tab_maker(viewport={"width": 1280, "height": 800})
+
+
+def named(name: str, content: bytes) -> dict[str, Any]:
+    """A file to choose."""
+    return {"name": name, "mimeType": "", "buffer": content}
+
+
+@contextmanager
+def drives_computed(web: Web, first: Callable[[], object] = lambda: None) -> Iterator[None]:
+    """A worker beside the service, as far as drives are concerned; ``first`` it does before it looks for some."""
+    over = threading.Event()
+
+    def work() -> None:
+        while not over.wait(0.05):
+            first()
+            with web.sessions() as session:
+                waiting = session.execute(_QUEUED).all()
+            for drive_id, generation in waiting:
+                process_drive(web.context, drive_id, generation)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()

@@ -12,12 +12,19 @@ import pytest
 from app.access import store
 from app.core.caller import OPERATOR_OWNER, Scope
 from app.core.settings import Settings
-from browser_fixtures import Tab
+from browser_fixtures import Tab, drives_computed
 from source_tree import REPOSITORY
 from web_fixtures import Web, served
 
 TEXTS = REPOSITORY / "app" / "web" / "src" / "texts"
 LOCALES = {"en": "en-GB", "de": "de-DE"}
+
+
+@pytest.fixture
+def computing(web: Web) -> Iterator[None]:
+    """A worker beside the service, as far as drives are concerned."""
+    with drives_computed(web):
+        yield
 
 
 @pytest.fixture

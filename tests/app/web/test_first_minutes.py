@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,33 +13,17 @@ from sqlalchemy import text
 
 from app.drives.batches.touched import queue_touched
 from app.roads.imports import import_roads
-from browser_fixtures import Tab
-from processing_support import process_drive
+from browser_fixtures import Tab, drives_computed
 from web_fixtures import Web
 
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
-_QUEUED = text("SELECT id, generation FROM drives WHERE status = 'queued' ORDER BY queued_at")
 
 
 @pytest.fixture
 def working(web: Web) -> Iterator[None]:
     """A worker beside the service: of drives, and of those that new roads touch."""
-    over = threading.Event()
-
-    def work() -> None:
-        context = web.context
-        while not over.wait(0.05):
-            queue_touched(web.sessions)
-            with web.sessions() as session:
-                waiting = session.execute(_QUEUED).all()
-            for drive_id, generation in waiting:
-                process_drive(context, drive_id, generation)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    yield
-    over.set()
-    thread.join()
+    with drives_computed(web, first=lambda: queue_touched(web.sessions)):
+        yield
 
 
 def uploaded(tab: Tab, web: Web, log: bytes) -> None:

@@ -3,46 +3,16 @@
 from __future__ import annotations
 
 import re
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
-from sqlalchemy import text
-
 from app.roads.imports import import_roads
-from browser_fixtures import Tab
-from processing_support import HEADER, process_drive
+from browser_fixtures import Tab, named
+from processing_support import HEADER
 from web_fixtures import Web
 
 ENGLISH = re.compile(r"\b(?:the|of|and|is|are|this|that|which|with|they|its|has|no|not|to|were|Record)\b")
 ROWS = b"".join(b"%d,%.5f,8.4\n" % (1_700_000_000 + k, 49 + k * 1e-4) for k in range(40))
-_QUEUED = text("SELECT id, generation FROM drives WHERE status = 'queued' ORDER BY queued_at")
-
-
-@pytest.fixture
-def computing(web: Web) -> Iterator[None]:
-    """A worker beside the service, as far as drives are concerned."""
-    over = threading.Event()
-
-    def work() -> None:
-        context = web.context
-        while not over.wait(0.05):
-            with web.sessions() as session:
-                waiting = session.execute(_QUEUED).all()
-            for drive_id, generation in waiting:
-                process_drive(context, drive_id, generation)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    yield
-    over.set()
-    thread.join()
-
-
-def named(name: str, content: bytes) -> dict[str, Any]:
-    return {"name": name, "mimeType": "", "buffer": content}
 
 
 def english(said: str) -> list[str]:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import io
-import threading
 import uuid
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +13,14 @@ import pytest
 from sqlalchemy import text
 
 from app.roads.imports import import_roads
-from browser_fixtures import Tab
+from browser_fixtures import Tab, named
 from fusion.roads.table import RoadTable
-from processing_support import HEADER, process_drive
+from processing_support import HEADER
 from region_support import bring
 from web_fixtures import Web
 
 MANY = 80
 LOG = HEADER + b"".join(b"%d,%.5f,8.4\n" % (k, 49 + k * 1e-4) for k in range(40))
-_QUEUED = text("SELECT id, generation FROM drives WHERE status = 'queued' ORDER BY queued_at")
 # Drops a tree of files as a file manager would; entries of folders are what no test may make otherwise.
 _DROP = """
 (tree) => {
@@ -50,30 +48,6 @@ _COUNT = """
     return open.apply(this, how);
   };
 """
-
-
-@pytest.fixture
-def computing(web: Web) -> Iterator[None]:
-    """A worker beside the service, as far as drives are concerned."""
-    over = threading.Event()
-
-    def work() -> None:
-        context = web.context
-        while not over.wait(0.05):
-            with web.sessions() as session:
-                waiting = session.execute(_QUEUED).all()
-            for drive_id, generation in waiting:
-                process_drive(context, drive_id, generation)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    yield
-    over.set()
-    thread.join()
-
-
-def named(name: str, content: bytes) -> dict[str, Any]:
-    return {"name": name, "mimeType": "", "buffer": content}
 
 
 def choose(tab: Tab, *files: Any, button: str = "Choose files") -> None:
@@ -197,6 +171,11 @@ def test_uploads_survive_a_reload_and_lists_follow_other_tabs(web: Web, tab: Tab
     row(tab, "tuesday.csv").wait_for()
     assert row(tab, "monday.csv").count() == 0
     assert tab.faults() == []
+    [drive] = web.client.get("/v1/drives").json()["drives"]
+    web.client.delete(f"/v1/drives/{drive['id']}")
+    tab.expected.append("404")
+    tab.page.reload(wait_until="networkidle")
+    row(tab, "tuesday.csv").wait_for(state="detached")
 
 
 def test_files_of_one_drive_a_method_and_the_keyboard_alone(web: Web, tab: Tab) -> None:

@@ -154,7 +154,10 @@ export async function look(): Promise<void> {
     try {
       tell(item, await getDrive(item.driveId));
     } catch (error) {
-      if (error instanceof ApiProblem && error.status === 404) item.phase.value = "cancelled";
+      if (!(error instanceof ApiProblem && error.status === 404)) continue;
+      // Of before a reload: whoever logged in since is told nothing of somebody else's files.
+      if (item.files.length === 0) remove(item);
+      else item.phase.value = "cancelled";
     }
   }
   follower.arrange();
