@@ -11,7 +11,7 @@ piece, and covariances are shown piece by piece (``Look``).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -80,19 +80,19 @@ class LinearModel:
         vars(other).update(_seen=self._seen, _packed=packed)
         return other
 
-    def smooth(self, look: Look = lambda *_: None, *, unseen: bool = True) -> Smoothed:
+    def smooth(self, look: Look = lambda *_: None, *, states: Collection[int] | None = None) -> Smoothed:
         """Means and variances of every state given all measurements; ``look`` is shown their covariances.
 
-        Without ``unseen`` those of states that no measurement sees are left out: they are 0, and take no memory.
+        With ``states`` only of those among them that a measurement sees: the others are 0, and take no memory.
         """
         d = len(self.mean)
         mean, variance = (np.zeros((self.steps, d), order="F") for _ in range(2))
-        others = _Unseen.of(self, ~self._seen if unseen else np.zeros(d, np.bool_))
-        told = np.flatnonzero(self._seen | unseen)
+        others = _Unseen.of(self, ~self._seen if states is None else np.zeros(d, np.bool_))
+        told = [k for k in range(d) if states is None or (self._seen[k] and k in states)]
 
         def keep(piece: slice, means: Floats, covariance: Floats) -> None:
             others.predict(piece, means, covariance)
-            for state in told.tolist():
+            for state in told:
                 mean[piece, state], variance[piece, state] = means[:, state], covariance[:, state, state]
             look(piece, covariance)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from fusion.network.curve import variable_count
 from fusion.network.pass_columns import PACKED_AT_ONCE, PackedPasses
 from fusion.network.pass_factor import NUISANCES, PLACE_PART_S, PLACE_TAU_S, PassFactor
 from fusion.profile.levels import knows_lengths
-from fusion.profile.model import DRIFT, GUST_TAU_S, JUMP_SIGMA, MOUNT
+from fusion.profile.model import DRIFT, GUST_TAU_S, JUMP_SIGMA, MOUNT, Noise
 from fusion.profile.path import DrivenPath
 from fusion.profile.traversals import (
     PLACE_SIGMA_M,
@@ -204,58 +205,80 @@ PLACE_BOUND_M = 30.0
 _SAME_INSTANT_S = 0.2
 
 
-def pass_factors(
-    drive: SmoothedDrive, fix: GnssFix, progress: Progress = no_progress
-) -> Sequence[PassFactor]:
-    """The factors of all traversals that are probably right and were recorded whole, in driving order.
+@dataclass(frozen=True, eq=False)
+class DrivenPasses:
+    """A drive's passes before they are summed: what their factors need of a drive, and no more.
 
-    Of a long drive they are packed; ``progress`` is told how far they are.
+    Of a long drive it is a third of it, so that the rest can be given back before factors are made.
     """
-    made = _portions(drive, fix, progress)
-    count = len(drive.path.match)
-    if count > PACKED_AT_ONCE:
-        return PackedPasses.of(made)
-    return tuple(one for portion in made for one in portion)
 
+    path: DrivenPath
+    data: OnTraversals
+    expected: Noise
+    grade_length_m: float
+    lag_s: float
+    drift_jumps_s: Floats
+    mount_moved_s: Floats
 
-def _portions(drive: SmoothedDrive, fix: GnssFix, progress: Progress) -> Iterator[list[PassFactor]]:
-    path, learned = drive.path, drive.learned
-    data = on_traversals(drive, *place_sigma(path, fix))
-    walk = (learned.expected.drift, learned.expected.baro_drift)
-    jumps_s = _times_of(drive, DRIFT)
-    mount, place, instants = _mount(path, _times_of(drive, MOUNT)), _place(path), _instants(data)
-    grade_length_m = learned.noise.grade_length_m if knows_lengths(drive.measured) else 0.0
-    (length, scale), match, usable = segment_lengths(path), path.match, _usable(path)
-    for first in range(0, len(match), PACKED_AT_ONCE):
-        progress("factors", first / len(match))
-        some, factors = slice(first, min(first + PACKED_AT_ONCE, len(match))), []
-        summed = likelihoods(data, path, walk, jumps_s, some)
-        for k in (first + np.flatnonzero(usable[some])).tolist():
-            information, vector, square = summed[k - first]
-            weight = float(match.confidence[k])
-            low, high = sorted((float(match.enter_m[k] * scale[k]), float(match.leave_m[k] * scale[k])))
-            factors.append(
-                PassFactor(
-                    segment=int(match.segment[k]),
-                    sequence=k,
-                    mount=int(mount[k]),
-                    information=weight * information,
-                    vector=weight * vector,
-                    square=weight * square,
-                    rows=int(data.first[k + 1] - data.first[k]),
-                    walk_m2_per_s=walk,
-                    start_m=low,
-                    end_m=min(high, float(length[k])),
-                    roughness=learned.expected.roughness,
-                    observations=int(instants[k]),
-                    first_time_s=float(match.enter_time_s[k]),
-                    last_time_s=float(match.leave_time_s[k]),
-                    place=int(place[k]),
-                    lag_s=drive.altimeter.lag_s,
-                    grade_length_m=grade_length_m,
+    @classmethod
+    def of(cls, drive: SmoothedDrive, fix: GnssFix) -> DrivenPasses:
+        """Of a drive with these positions."""
+        learned = drive.learned
+        return cls(
+            drive.path,
+            on_traversals(drive, *place_sigma(drive.path, fix)),
+            learned.expected,
+            learned.noise.grade_length_m if knows_lengths(drive.measured) else 0.0,
+            drive.altimeter.lag_s,
+            _times_of(drive, DRIFT),
+            _times_of(drive, MOUNT),
+        )
+
+    def factors(self, progress: Progress = no_progress) -> Sequence[PassFactor]:
+        """The factors of all traversals that are probably right and were recorded whole, in driving order.
+
+        Of a long drive they are packed; ``progress`` is told how far they are.
+        """
+        made = self._portions(progress)
+        if len(self.path.match) > PACKED_AT_ONCE:
+            return PackedPasses.of(made)
+        return tuple(one for portion in made for one in portion)
+
+    def _portions(self, progress: Progress) -> Iterator[list[PassFactor]]:
+        path, data, match = self.path, self.data, self.path.match
+        walk = (self.expected.drift, self.expected.baro_drift)
+        mount, place, instants = _mount(path, self.mount_moved_s), _place(path), _instants(data)
+        (length, scale), usable = segment_lengths(path), _usable(path)
+        for first in range(0, len(match), PACKED_AT_ONCE):
+            progress("factors", first / len(match))
+            some, factors = slice(first, min(first + PACKED_AT_ONCE, len(match))), []
+            summed = likelihoods(data, path, walk, self.drift_jumps_s, some)
+            for k in (first + np.flatnonzero(usable[some])).tolist():
+                information, vector, square = summed[k - first]
+                weight = float(match.confidence[k])
+                low, high = sorted((float(match.enter_m[k] * scale[k]), float(match.leave_m[k] * scale[k])))
+                factors.append(
+                    PassFactor(
+                        segment=int(match.segment[k]),
+                        sequence=k,
+                        mount=int(mount[k]),
+                        information=weight * information,
+                        vector=weight * vector,
+                        square=weight * square,
+                        rows=int(data.first[k + 1] - data.first[k]),
+                        walk_m2_per_s=walk,
+                        start_m=low,
+                        end_m=min(high, float(length[k])),
+                        roughness=self.expected.roughness,
+                        observations=int(instants[k]),
+                        first_time_s=float(match.enter_time_s[k]),
+                        last_time_s=float(match.leave_time_s[k]),
+                        place=int(place[k]),
+                        lag_s=self.lag_s,
+                        grade_length_m=self.grade_length_m,
+                    )
                 )
-            )
-        yield factors
+            yield factors
 
 
 def place_sigma(path: DrivenPath, fix: GnssFix) -> tuple[Floats, Floats]:

@@ -26,14 +26,14 @@ from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
 from fusion.network.terrain import Terrain
 from fusion.network.unknowns import knot_positions, knot_rows
-from fusion.profile.factors import pass_factors
+from fusion.profile.factors import DrivenPasses
 from fusion.profile.inertia import Inertia, set_right
 from fusion.profile.measurements import ALTITUDE, FORCE, PITCH, SENSORS, Measurements, build_measurements
 from fusion.profile.model import build_smoother_epochs
 from fusion.profile.noise import learn
 from fusion.profile.path import DrivenPath, find_path
 from fusion.profile.prior import ALTIMETER_DRIFT, RECEIVER_DRIFT, UsualDrift, prior_of, tells_drift
-from fusion.profile.report import build_track, drawn_measurements, drive_report
+from fusion.profile.report import build_track, drawn_measurements, drive_report, path_report
 from fusion.profile.traversals import Altimeter, SmoothedDrive
 from fusion.roads.network import RoadNetwork
 from fusion.roads.table import RoadTable
@@ -118,7 +118,9 @@ class _LateBy:
         then = Altimeter(self.sensor, lag_s)
         measured = _measure(self.raw, self.dem, self.options, then)
         drive = _smooth(self.raw, measured, then, self.usual, within(progress, 0.0, 0.9))
-        return pass_factors(drive, self.fix, within(progress, 0.9, 1.0))
+        passes = DrivenPasses.of(drive, self.fix)
+        del drive
+        return passes.factors(within(progress, 0.9, 1.0))
 
 
 class ProfileMethod:
@@ -152,12 +154,14 @@ class ProfileMethod:
         progress("smooth", 0.3)
         raw = _PreparedDrive.of(log, path, options.sensors())
         drive, late, usual = _learned(raw, dem, options, within(progress, 0.3, 0.7))
-        progress("factors", 0.7)
-        factors = pass_factors(drive, log.fix, within(progress, 0.7, 0.75))
-        track, drawn = build_track(drive), drawn_measurements(drive)
-        report = drive_report(log, drive, factors, raw.inertia, within(progress, 0.75, 0.8))
+        report = drive_report(log, drive, raw.inertia, within(progress, 0.7, 0.75))
+        passes, track, drawn = DrivenPasses.of(drive, log.fix), build_track(drive), drawn_measurements(drive)
         late_by = _LateBy(raw, log.fix, dem, options, late.sensor, usual) if late.sensor >= 0 else None
-        del drive, path, raw  # of a long drive they are as large as what its slopes take
+        del drive, raw  # of a long drive they are as large as what its slopes take
+        progress("factors", 0.75)
+        factors = passes.factors(within(progress, 0.75, 0.8))
+        report = path_report(path, factors) | report
+        del passes, path
         terrain = dem if options.dem else None
         slopes = adjusted_slopes(network, factors, terrain, within(progress, 0.8, 1.0))
         return DriveResult(track, slopes, report, factors, drawn, late_by)

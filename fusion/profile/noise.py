@@ -14,7 +14,7 @@ from itertools import count
 import numpy as np
 from scipy.special import gammaln
 
-from fusion.filters.smoother import LinearModel, Scores, Smoothed
+from fusion.filters.smoother import Scores, Smoothed
 from fusion.profile.blocks import spaced
 from fusion.profile.levels import (
     LEAST_HEIGHT_M,
@@ -29,7 +29,14 @@ from fusion.profile.levels import (
 )
 from fusion.profile.measurements import ALTITUDE, DOPPLER, FORCE, PITCH, TERRAIN, Measurements
 from fusion.profile.model import (
+    BARO_DRIFT,
+    BIAS,
+    GRADE,
+    HEIGHT,
     JUMP_SIGMA,
+    MOUNT,
+    SPEED_PRESSURE,
+    SQUAT,
     Jumps,
     Noise,
     SmootherEpochs,
@@ -76,6 +83,8 @@ _SHARED_PRIOR_COUNT = 15.0
 """Imaginary pairs of pitch and force whose errors have nothing in common."""
 
 
+_SHOWN = (HEIGHT, GRADE, MOUNT, BIAS, SQUAT, BARO_DRIFT, SPEED_PRESSURE)
+"""The states that factors, tracks, pictures and reports are made of. Of a long drive each takes tens of megabytes."""
 USUAL_LOOKS = 60
 """About so often the smoother goes over a drive until its levels are known."""
 
@@ -92,7 +101,7 @@ class Learned:
 
     ``noise`` are the most likely levels. ``expected`` are the levels of the expected variances; everything else here
     rests on these. ``variance`` (m,) is each measurement's with its robust weight, ``outlier`` (m,) says which are far
-    off, ``jumps`` are the sudden changes found, and ``smoothed`` is the drive by the ``model`` of all this.
+    off, ``jumps`` are the sudden changes found, and ``smoothed`` is the drive by the model of all this.
     """
 
     noise: Noise
@@ -100,7 +109,6 @@ class Learned:
     variance: Floats
     outlier: Bools
     jumps: Jumps
-    model: LinearModel
     smoothed: Smoothed
 
 
@@ -124,15 +132,16 @@ def learn(
         variance = gaussian_variance(measured, noise) * repeated / robust
         smoothed = linear_model(measured, epochs, noise, variance, jumps).scores()
     likely = expected(noise, log_sigmas(*chosen, noise, prior, robust[used], jumps, look))
+    del chosen  # of a long drive it is large
     # Once the levels are known, what lies far outside of them is not merely weakened but left out.
     usual = white_variance(measured, likely) * repeated
     square = normalised_square(smoothed, variance, usual)
     weight = np.where(_muted(measured), 1.0, _tail_weights(measured, square) * _outlier_factor(square))
     variance = usual * _correlation_inflation(measured, smoothed, variance) / weight
     model = linear_model(measured, epochs, likely, variance, jumps)
-    smoothed = replace(model.smooth(unseen=False), pull={}, pull_precision={}, carry_pull={})
+    smoothed = replace(model.smooth(states=_SHOWN), pull={}, pull_precision={}, carry_pull={})
     outlier = normalised_square(smoothed, variance, usual) > OUTLIER_SIGMAS**2
-    return Learned(noise, likely, variance, outlier, jumps, model, smoothed)
+    return Learned(noise, likely, variance, outlier, jumps, smoothed)
 
 
 def _levels(
@@ -159,7 +168,7 @@ def _levels(
         variance = usual / weight
         model = linear_model(measured, epochs, noise, variance, jumps)
         springs = _Springs.of(measured, epochs, noise) if paired else None
-        smoothed = model.smooth(springs.look, unseen=False) if springs else model.scores()
+        smoothed = model.smooth(springs.look, states=()) if springs else model.scores()
         jumps = _with_jump(epochs, smoothed, jumps)
         if springs:
             noise = noise.with_(**springs.shared(smoothed, variance))

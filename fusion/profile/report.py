@@ -43,6 +43,7 @@ from fusion.profile.model import (
     SPEED_PRESSURE,
     SQUAT,
     SmootherEpochs,
+    linear_model,
 )
 from fusion.profile.noise import Learned
 from fusion.profile.path import DrivenPath, ground_speed
@@ -149,12 +150,12 @@ def drawn_measurements(drive: SmoothedDrive) -> DrawnMeasurements:
 
     The drift of GNSS heights and the error of the DEM stay in: a picture shows what the receiver said.
     """
-    measured, mean = drive.measured, drive.learned.smoothed.mean[drive.epochs.of_measurement]
+    measured, mean, at = drive.measured, drive.learned.smoothed.mean, drive.epochs.of_measurement
     heights = measured.of(ALTITUDE, BARO, TERRAIN)
     felt = measured.of(PITCH, FORCE)
-    shared = mean[:, MOUNT] + mean[:, SQUAT] * measured.acceleration_mps2
-    shared = shared + np.where(measured.sensor == FORCE, mean[:, BIAS], 0.0)
-    level = np.where(measured.sensor == BARO, mean[:, BARO_DRIFT], 0.0)
+    shared = mean[at, MOUNT] + mean[at, SQUAT] * measured.acceleration_mps2
+    shared = shared + np.where(measured.sensor == FORCE, mean[at, BIAS], 0.0)
+    level = np.where(measured.sensor == BARO, mean[at, BARO_DRIFT], 0.0)
     value = measured.value - np.where(felt, shared, 0.0) - level
     return DrawnMeasurements(SENSORS, measured.sensor, measured.time_s, measured.along_m, value, heights)
 
@@ -172,30 +173,15 @@ LOOSE_MOUNT = 0.01
 
 
 def drive_report(
-    log: DriveLog,
-    drive: SmoothedDrive,
-    factors: Sequence[PassFactor],
-    inertia: Inertia | None,
-    progress: Progress = no_progress,
+    log: DriveLog, drive: SmoothedDrive, inertia: Inertia | None, progress: Progress = no_progress
 ) -> dict[str, Any]:
     """JSON-serialisable; angles in degrees, slopes in percent, times in Unix seconds.
 
-    ``inertia`` is what was found before sensors were used.
+    ``inertia`` is what was found before sensors were used. ``path_report`` says what needs no smoothed drive.
     """
-    path, measured, learned = drive.path, drive.measured, drive.learned
-    match, lengths = path.match, path.network.table.length_m
-    without = {}
-    for code in np.unique(measured.sensor).tolist():
-        progress("slopes", code / len(SENSORS))
-        without[code] = _Without.of(drive, code)
-    passes = table_of(factors)
-    complete = passes.end_m - passes.start_m >= WHOLE_SHARE * lengths[passes.segment]
+    measured, learned = drive.measured, drive.learned
+    without = _without_each(drive, progress)
     report = {
-        "matched_share": float(np.mean(path.matched)),
-        "breaks": [{"time_s": float(b.time_s), "reason": b.reason} for b in match.breaks],
-        "passes": len(factors),
-        "passes_of_part_of_a_segment": len(factors) - int(np.count_nonzero(complete)),
-        "passes_dropped_as_uncertain": int(np.count_nonzero(match.confidence < MIN_CONFIDENCE)),
         "noise": asdict(learned.noise),
         "own_speed_scale": ground_speed(log)[2],
         "mount": _mount(drive),
@@ -206,7 +192,24 @@ def drive_report(
         "sensors": _contributions(measured, learned, without),
     }
     model_report = _elevation_model(drive, without.get(TERRAIN))
-    return {**report, "warnings": [*_warnings(log, measured, report), *model_report]}
+    return {**report, "warnings": [*_warnings(log, drive, report), *model_report]}
+
+
+def path_report(path: DrivenPath, factors: Sequence[PassFactor]) -> dict[str, Any]:
+    """How much of a drive lies on roads, and how many of its passes count; JSON-serialisable."""
+    passes = table_of(factors)
+    complete = passes.end_m - passes.start_m >= WHOLE_SHARE * path.network.table.length_m[passes.segment]
+    return {
+        "matched_share": _matched_share(path),
+        "breaks": [{"time_s": float(b.time_s), "reason": b.reason} for b in path.match.breaks],
+        "passes": len(factors),
+        "passes_of_part_of_a_segment": len(factors) - int(np.count_nonzero(complete)),
+        "passes_dropped_as_uncertain": int(np.count_nonzero(path.match.confidence < MIN_CONFIDENCE)),
+    }
+
+
+def _matched_share(path: DrivenPath) -> float:
+    return float(np.mean(path.matched))
 
 
 def _mount(drive: SmoothedDrive) -> dict[str, Any] | None:
@@ -264,13 +267,17 @@ class _Without:
     grade_sigma_percent: float
     height_m: Floats
 
-    @classmethod
-    def of(cls, drive: SmoothedDrive, sensor: int) -> _Without:
-        """As if the sensor's errors were beyond all measure. The epochs stay the same."""
-        learned = drive.learned
-        variance = np.where(drive.measured.sensor == sensor, 1e12, learned.variance)
-        smoothed = learned.model.at_levels({}, {}, variance).smooth(unseen=False)
-        return cls(_grade_sigma(smoothed), smoothed.mean[:, HEIGHT].copy())
+
+def _without_each(drive: SmoothedDrive, progress: Progress) -> dict[int, _Without]:
+    """By each sensor's code, as if its errors were beyond all measure. The epochs stay the same."""
+    measured, learned, without = drive.measured, drive.learned, dict[int, _Without]()
+    model = linear_model(measured, drive.epochs, learned.expected, learned.variance, learned.jumps)
+    for code in np.unique(measured.sensor).tolist():
+        progress("smooth", code / len(SENSORS))
+        variance = np.where(measured.sensor == code, 1e12, learned.variance)
+        smoothed = model.at_levels({}, {}, variance).smooth(states=(HEIGHT, GRADE))
+        without[code] = _Without(_grade_sigma(smoothed), smoothed.mean[:, HEIGHT].copy())
+    return without
 
 
 def _contributions(
@@ -308,11 +315,11 @@ def _grade_sigma(smoothed: Smoothed) -> float:
     return 100 * float(np.sqrt(np.median(smoothed.variance[:, GRADE])))
 
 
-def _warnings(log: DriveLog, measured: Measurements, report: dict[str, Any]) -> list[str]:
+def _warnings(log: DriveLog, drive: SmoothedDrive, report: dict[str, Any]) -> list[str]:
     """Sentences that a driver can act on."""
-    sentences: list[str] = []
-    if report["matched_share"] < FEW_MATCHED:
-        sentences.append(say("drive.few_on_roads", share=report["matched_share"]))
+    measured, sentences = drive.measured, list[str]()
+    if (share := _matched_share(drive.path)) < FEW_MATCHED:
+        sentences.append(say("drive.few_on_roads", share=share))
     factor = report["noise"]["doppler"]
     if (measured.sensor == DOPPLER).any() and not 1 / WRONG_ACCURACY < factor < WRONG_ACCURACY:
         wrong = "better" if factor < 1 else "worse"

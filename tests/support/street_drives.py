@@ -8,7 +8,7 @@ import numpy as np
 
 from factor_support import street
 from fusion.network.pass_factor import PassFactor
-from fusion.profile.factors import MIN_CONFIDENCE, pass_factors, place_sigma
+from fusion.profile.factors import MIN_CONFIDENCE, DrivenPasses, place_sigma
 from fusion.profile.measurements import TERRAIN
 from fusion.profile.traversals import (
     Altimeter,
@@ -55,7 +55,7 @@ def drive_log(kind: str, seed: int = 3) -> DriveLog:
 
 
 def factors_of(one: Smoothed, altimeter: Altimeter = NONE) -> list[PassFactor]:
-    return list(pass_factors(replace(one, altimeter=altimeter), one.fix))
+    return list(DrivenPasses.of(replace(one, altimeter=altimeter), one.fix).factors())
 
 
 def data_of(one: Smoothed, altimeter: Altimeter = NONE) -> OnTraversals:

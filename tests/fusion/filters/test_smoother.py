@@ -217,6 +217,14 @@ def test_smoothing_leaves_the_model_as_it_was() -> None:
     assert all(np.array_equal(getattr(model, name), value) for name, value in before.items())
 
 
+def test_only_the_states_asked_for_are_kept() -> None:
+    model = random_model(5, 4, 3, rows=6).model()
+    whole, part = model.smooth(), model.smooth(states=(2,))
+    assert np.array_equal(part.mean, whole.mean * [0, 0, 1])
+    assert np.array_equal(part.variance, whole.variance * [0, 0, 1])
+    assert np.array_equal(part.residual, whole.residual)
+
+
 @given(seed=st.integers(0, 2**31), steps=st.integers(2, 6), states=st.integers(1, 4))
 def test_the_level_scores_are_the_slopes_of_the_likelihood(seed: int, steps: int, states: int) -> None:
     """Of every measurement alone, by the log of its variance."""
