@@ -60,6 +60,9 @@ BLOCK_SEGMENTS = 6000
 """Of a long drive so many segments are solved at once."""
 SMALL_TASKS = 8
 """As if so many hands worked on the blocks: then each is a task of its own, and the drive can be stopped between."""
+MATCHED, SMOOTHED, REPORTED, SUMMED = 0.05, 0.25, 0.3, 0.37
+"""The shares of the work that are done then, as a million positions show. A short drive is smoothed longer than it is
+solved, but nobody waits for it."""
 MIN_MEASUREMENTS = 4
 """Fewer say nothing of a slope."""
 
@@ -147,23 +150,23 @@ class ProfileMethod:
         """See ``Method.estimate``."""
         progress("match", 0.0)
         path = find_path(
-            log, network, MatchOptions(radius_m=options.match_radius_m), within(progress, 0.0, 0.3)
+            log, network, MatchOptions(radius_m=options.match_radius_m), within(progress, 0.0, MATCHED)
         )
         if path is None:
             raise NoMatchError(say("drive.no_stretch"))
-        progress("smooth", 0.3)
+        progress("smooth", MATCHED)
         raw = _PreparedDrive.of(log, path, options.sensors())
-        drive, late, usual = _learned(raw, dem, options, within(progress, 0.3, 0.7))
-        report = drive_report(log, drive, raw.inertia, within(progress, 0.7, 0.75))
+        drive, late, usual = _learned(raw, dem, options, within(progress, MATCHED, SMOOTHED))
+        report = drive_report(log, drive, raw.inertia, within(progress, SMOOTHED, REPORTED))
         passes, track, drawn = DrivenPasses.of(drive, log.fix), build_track(drive), drawn_measurements(drive)
         late_by = _LateBy(raw, log.fix, dem, options, late.sensor, usual) if late.sensor >= 0 else None
         del drive, raw  # of a long drive they are as large as what its slopes take
-        progress("factors", 0.75)
-        factors = passes.factors(within(progress, 0.75, 0.8))
+        progress("factors", REPORTED)
+        factors = passes.factors(within(progress, REPORTED, SUMMED))
         report = path_report(path, factors) | report
         del passes, path
         terrain = dem if options.dem else None
-        slopes = adjusted_slopes(network, factors, terrain, within(progress, 0.8, 1.0))
+        slopes = adjusted_slopes(network, factors, terrain, within(progress, SUMMED, 1.0))
         return DriveResult(track, slopes, report, factors, drawn, late_by)
 
 
