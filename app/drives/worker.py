@@ -38,7 +38,6 @@ from app.drives.trials.run import TRIAL
 from app.exports.run import EXPORT
 from app.jobs import ended
 from app.jobs.context import JobContext
-from app.jobs.memory import limit_growth
 from app.jobs.requests import upkeep
 from app.jobs.requests.run import RequestKind
 from app.jobs.task import Task, Work
@@ -107,8 +106,6 @@ def run_worker(
     """
     if settings.database_url is None:
         raise ValueError("the worker needs settings.database_url")
-    if renewed:
-        limit_growth(settings.lane_memory_bytes)
     engine = make_engine(
         settings.database_url,
         pool_size=1,

@@ -102,6 +102,8 @@ class Runs:
         """Whom the queue has given jobs in this process."""
         self.stopping = threading.Event()
         """Runs end at their next look and go back into the queue."""
+        self.before_each: Callable[[], None] = lambda: None
+        """Called when a run begins."""
         self.after_each: Callable[[], None] = lambda: None
         """Called when a run is over."""
 
@@ -114,6 +116,7 @@ class Runs:
         once = context.job.queueing_lock is not None
         run = Run(context.job.id or 0, task, arguments, self.limit_s, context.job.worker_id or 0, once)
         self.workers.add(run.worker)
+        self.before_each()
         try:
             with about(job=run.job):
                 return self._run_to_end(run, context)

@@ -109,9 +109,11 @@ class Worker:
     ) -> bool:
         """Work until stopped, or until the queue is empty; each chore first and again every so many seconds.
 
-        With ``renewed`` it also ends between two jobs, and returns True, once the process has grown too large.
+        With ``renewed`` it also ends between two jobs, and returns True, once the process has grown too large; and each
+        job may ask for so much more memory as the settings say.
         """
         if renewed:
+            self._runs.before_each = functools.partial(memory.limit_growth, self._settings.lane_memory_bytes)
             self._runs.after_each = self._end_if_large
         retry_every_s = min(self._settings.stalled_after_s / 4, 10.0)
         all_chores = ((self._retry_stalled, retry_every_s), *chores)

@@ -165,6 +165,8 @@ def measured(
             address = service.send(log + b"\n" * (k + 1))
             await_status(client, address, "running")
             time.sleep(computed_s * (k + 0.5) / removals)
+            if (status := client.get(address).json()["status"]) != "running":
+                sys.exit(f"a drive was {status} before it was removed")
             free_s.append(remove(client, connection, address))
     return {"rows": rows, "free_s": free_s}
 

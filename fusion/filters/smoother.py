@@ -36,13 +36,18 @@ Entries = Mapping[tuple[int, int], Floats]
 lower triangle."""
 
 
+def go_on() -> None:
+    """Nothing is to be seen to between two pieces."""
+
+
 @dataclass(frozen=True, eq=False)
 class LinearModel:
     """n steps of d states and m scalar measurements, ordered by step.
 
     ``transition`` and ``noise`` lead from step k - 1 to k (the first of each is not used); ``mean`` (d,) and
     ``covariance`` (d, d) hold before the first measurement. Measurement i at ``step[i]`` is
-    ``value[i] = design[i] @ x + error`` with variance ``variance[i]``.
+    ``value[i] = design[i] @ x + error`` with variance ``variance[i]``. ``between`` is called before each piece of a
+    long model is gone through, and may raise.
     """
 
     steps: int
@@ -54,6 +59,7 @@ class LinearModel:
     design: Floats
     value: Floats
     variance: Floats
+    between: Callable[[], None] = go_on
 
     @cached_property
     def _seen(self) -> Bools:
@@ -96,12 +102,12 @@ class LinearModel:
                 mean[piece, state], variance[piece, state] = means[:, state], covariance[:, state, state]
             look(piece, covariance)
 
-        scores = self._packed.run(keep=keep)
+        scores = self._packed.run(self.between, keep=keep)
         return Smoothed(**vars(scores), mean=mean, variance=variance)
 
     def scores(self, followed: int = -1) -> Scores:
         """What ``smooth`` says of the model itself, in a third of its time; see ``Scores.carry_score``."""
-        return self._packed.run(followed=followed)
+        return self._packed.run(self.between, followed=followed)
 
     def _piece(self, piece: slice) -> LinearModel:
         """Some steps of it, without their measurements."""
@@ -155,7 +161,12 @@ class _Packed:
         shaken = _with_columns(self.lanes.shaken, self.shaken, noise)
         return replace(self, lanes=self.lanes._replace(carried=carried, shaken=shaken, variance=variance))
 
-    def run(self, followed: int = -1, keep: Callable[[slice, Floats, Floats], None] | None = None) -> Scores:
+    def run(
+        self,
+        between: Callable[[], None],
+        followed: int = -1,
+        keep: Callable[[slice, Floats, Floats], None] | None = None,
+    ) -> Scores:
         """Goes through these states; ``keep`` is shown the means (k, d) and covariances of each piece."""
         lanes, states = self.lanes, self.lanes.states
         n, w, m = len(lanes.carried), len(lanes.width), len(lanes.value)
@@ -167,10 +178,12 @@ class _Packed:
         x, p, r, big = lanes.mean.copy(), lanes.covariance.copy(), np.zeros(w), np.zeros((w, w))
         begins = []
         for piece in pieces[:-1]:
+            between()
             begins.append((x.copy(), p.copy()))
             likelihood += _forward(_cut(lanes, piece), piece, x, p)
         begins.append((x, p))
         for piece, begin in zip(pieces[::-1], begins[::-1], strict=True):
+            between()
             rows = slice(lanes.first_row[piece.start], lanes.first_row[piece.stop])
             k, there, count = piece.stop - piece.start, _cut(lanes, piece), rows.stop - rows.start
             means, covariance = np.zeros((k if keep else 0, size)), np.zeros((k if keep else 0, size, size))

@@ -34,7 +34,10 @@ def tasks_of(blocks: Partition) -> int:
     tree = blocks.tree()
     bundle = tree.bundles(blocks.hands)
     leaves = [node for node, children in enumerate(tree.children) if not children]
-    return len(leaves) + 2 * len(np.unique(bundle[leaves])) + 2 * ROUNDS * len(np.unique(bundle))
+    of_leaves, of_all = len(np.unique(bundle[leaves])), len(np.unique(bundle))
+    # Leaves are summed, prepared and asked for covariances: thrice in the first round. Each round goes up the tree and
+    # down.
+    return len(leaves) + (ROUNDS + 3) * of_leaves + 2 * ROUNDS * of_all
 
 
 def adjust(

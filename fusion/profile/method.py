@@ -60,7 +60,7 @@ BLOCK_SEGMENTS = 6000
 """Of a long drive so many segments are solved at once."""
 SMALL_TASKS = 8
 """As if so many hands worked on the blocks: then each is a task of its own, and the drive can be stopped between."""
-MATCHED, SMOOTHED, REPORTED, SUMMED = 0.05, 0.25, 0.3, 0.37
+MATCHED, SMOOTHED, REPORTED, SUMMED = 0.03, 0.3, 0.34, 0.42
 """The shares of the work that are done then, as a million positions show. A short drive is smoothed longer than it is
 solved, but nobody waits for it."""
 MIN_MEASUREMENTS = 4
@@ -158,7 +158,10 @@ class ProfileMethod:
         raw = _PreparedDrive.of(log, path, options.sensors())
         drive, late, usual = _learned(raw, dem, options, within(progress, MATCHED, SMOOTHED))
         report = drive_report(log, drive, raw.inertia, within(progress, SMOOTHED, REPORTED))
-        passes, track, drawn = DrivenPasses.of(drive, log.fix), build_track(drive), drawn_measurements(drive)
+        progress("smooth", REPORTED)
+        passes = DrivenPasses.of(drive, log.fix)
+        progress("smooth", REPORTED)
+        track, drawn = build_track(drive), drawn_measurements(drive)
         late_by = _LateBy(raw, log.fix, dem, options, late.sensor, usual) if late.sensor >= 0 else None
         del drive, raw  # of a long drive they are as large as what its slopes take
         progress("factors", REPORTED)
@@ -272,7 +275,8 @@ def _in_blocks(
     """The solution of a long drive, of which one block is in memory at a time."""
     with TemporaryDirectory(prefix="versant-drive-") as folder:
         blocks = bisected(table, BLOCK_SEGMENTS, folder=Path(folder))
-        blocks = replace(blocks, hands=SMALL_TASKS, executor=_InTurn(progress, tasks_of(blocks)))
+        blocks = replace(blocks, hands=SMALL_TASKS)
+        blocks = replace(blocks, executor=_InTurn(progress, tasks_of(blocks)))
         return adjust_from(_BlocksOf(passes, blocks.block[passes.table.segment]), table, blocks, terrain)
 
 

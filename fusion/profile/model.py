@@ -6,14 +6,14 @@ drive is smoothed at once; filters that go forwards take it off before they star
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from fusion.arrays import nearest
-from fusion.filters.smoother import Entries, LinearModel
+from fusion.filters.smoother import Entries, LinearModel, go_on
 from fusion.network.curve import RANDOM_WALK_M, grade_carried, grade_noise
 from fusion.network.pass_factor import USUAL_SPEED_PRESSURE
 from fusion.profile.barometer import speed_head
@@ -173,7 +173,7 @@ class SmootherEpochs:
     """The n instants of the smoother: all times at which anything is measured, on the path; arrays of shape (n,).
 
     ``grade_change_variance``: variance of the changes of grade at the road's nodes since the epoch before.
-    ``of_measurement``, shape (m,): the epoch of each measurement.
+    ``of_measurement``, shape (m,): the epoch of each measurement. ``between``: see ``LinearModel``.
     """
 
     time_s: Floats
@@ -181,6 +181,7 @@ class SmootherEpochs:
     run: Ints
     grade_change_variance: Floats
     of_measurement: Ints
+    between: Callable[[], None] = go_on
 
     @cached_property
     def steps(self) -> tuple[Floats, Floats]:
@@ -262,7 +263,7 @@ def linear_model(
         mean[BARO_DRIFT] = float(np.median(pressed[:50])) - mean[HEIGHT]
     return LinearModel(
         len(dt), transition, steps_noise(epochs, noise, jumps), mean, np.diag(np.square(_START_SIGMA)),
-        epochs.of_measurement, design(measured, share), clean.value, variance,
+        epochs.of_measurement, design(measured, share), clean.value, variance, epochs.between,
     )  # fmt: skip
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import count
 
 import numpy as np
 from scipy.special import gammaln
@@ -89,10 +88,20 @@ USUAL_LOOKS = 60
 """About so often the smoother goes over a drive until its levels are known."""
 
 
-def counted_looks(progress: Progress) -> Callable[[], None]:
-    """To be called whenever the smoother is about to go over the drive."""
-    numbers = count()
-    return lambda: progress("smooth", min(next(numbers) / USUAL_LOOKS, 1.0))
+class Looks:
+    """Tells ``progress`` how far learning is: called whenever the smoother is about to go over the drive."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress, self._done = progress, 0
+
+    def __call__(self) -> None:
+        """Before it does."""
+        self.between()
+        self._done += 1
+
+    def between(self) -> None:
+        """While it does: whoever asked may want an end."""
+        self._progress("smooth", min(self._done / USUAL_LOOKS, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +130,8 @@ def learn(
     progress: Progress = no_progress,
 ) -> Learned:
     """Noise levels, sudden changes and the smoothed drive; ``by_satellites``: altitudes are a receiver's."""
-    look = counted_looks(progress)
+    look = Looks(progress)
+    epochs = replace(epochs, between=look.between)
     noise, jumps, variance, smoothed, robust = _levels(measured, epochs, prior, look)
     filtered = by_satellites and noise.altitude_m < FILTERED * LEAST_HEIGHT_M
     every = np.ones(len(measured), bool), np.ones(len(measured))

@@ -7,7 +7,7 @@ runs again only to show what each sensor was worth.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -271,9 +271,9 @@ class _Without:
 def _without_each(drive: SmoothedDrive, progress: Progress) -> dict[int, _Without]:
     """By each sensor's code, as if its errors were beyond all measure. The epochs stay the same."""
     measured, learned, without = drive.measured, drive.learned, dict[int, _Without]()
-    model = linear_model(measured, drive.epochs, learned.expected, learned.variance, learned.jumps)
+    epochs = replace(drive.epochs, between=lambda: progress("smooth", len(without) / len(SENSORS)))
+    model = linear_model(measured, epochs, learned.expected, learned.variance, learned.jumps)
     for code in np.unique(measured.sensor).tolist():
-        progress("smooth", code / len(SENSORS))
         variance = np.where(measured.sensor == code, 1e12, learned.variance)
         smoothed = model.at_levels({}, {}, variance).smooth(states=(HEIGHT, GRADE))
         without[code] = _Without(_grade_sigma(smoothed), smoothed.mean[:, HEIGHT].copy())

@@ -181,8 +181,8 @@ class Settings(Access):
     """Drives that `versant worker` and `versant up` compute at once, each in a process of its own; unset: as many as
     there are cores, as far as memory goes (1 GiB each), at most 8."""
     lane_memory_bytes: int = Field(3 * GIB, ge=512 * 2**20)
-    """Memory that one of these processes may ask for beyond what it begins with, bytes, about twice of what it then
-    uses; a drive that needs more fails (Linux)."""
+    """Memory that a drive may ask for beyond what its process has, bytes, about twice of what it then uses; a drive
+    that needs more fails (Linux)."""
     grace_s: float = Field(10.0, gt=0, le=3600)
     """Seconds in which a worker ends that is asked to stop: for half of them its drive goes on, then it goes back into
     the queue."""
