@@ -77,7 +77,12 @@ ADMIN = """() => {
 DOCS = """() => {
   const heading = document.querySelector('h1')?.textContent;
   if (!heading || !document.querySelector('article.guide, details.operation')) return null;
-  return { heading, open: [...document.querySelectorAll('details.operation[open]')].map((one) => one.id) };
+  return {
+    heading,
+    search: document.querySelector('#search')?.value,
+    found: document.querySelectorAll('details.operation').length,
+    open: [...document.querySelectorAll('details.operation[open]')].map((one) => one.id),
+  };
 }"""
 OTHERS = "() => document.querySelector('main h1')?.textContent ?? null"
 
@@ -272,6 +277,9 @@ STEPS = {
         "/admin", ADMIN, lambda page: page.locator("#coverage > summary").click(), "#coverage"
     ),
     "admin: the days": Step("/admin", ADMIN, chosen("Figures by day", value="7"), "days=7"),
+    "docs: a search": Step(
+        "/docs", DOCS, lambda page: page.get_by_label("Search guides").fill("webhooks"), r"q=webhooks"
+    ),
     "docs: an operation": Step(
         "/docs", DOCS, lambda page: page.locator("#get-v1-changes > summary").click(), "#get-v1-changes"
     ),
