@@ -191,8 +191,8 @@ def export_of_the_view(look: Look) -> None:
 @state("5", "town")
 def proposals_of_incline(look: Look) -> None:
     """By one click, with what to do with the file."""
-    bbox = look.service.web.client.get(f"/v1{look.service.drive('first.csv')}").json()["bbox"]
-    opened(look, f"bbox={','.join(map(str, bbox))}")
+    lat, lon = look.service.places["steep"]
+    opened(look, f"at=15.00/{lat}/{lon}")
     with look.page.expect_response(
         lambda one: one.request.method == "POST" and "/v1/exports" in one.url
     ) as asked:

@@ -86,6 +86,16 @@ def a_street_with_an_odd_drive(web: Web) -> list[int]:
     return [int(i) for i in ids[STREET : STREET + 7]]
 
 
+def a_steep_street(web: Web) -> tuple[float, float]:
+    """Two drives that rise by 9 % on two segments in the far north, where no other drive is: latitude and longitude."""
+    with web.sessions() as session:
+        table, _ = extracts.all_roads(session)
+    north = np.argsort(np.where(table.length_m > 30, table.lat0_deg, -90))[-2:]
+    for _ in range(2):
+        add_drive(web.sessions, north.tolist(), 9.0, 0.3)
+    return float(table.lat0_deg[north[1]]), float(table.lon0_deg[north[1]])
+
+
 def two_rasters(web: Web) -> None:
     """West and east of the named town's middle, by sources of their own; nothing reads heights there."""
     boxes = {"west": [LON - 1, 49.3, LON, 49.6], "east": [LON, 49.3, LON + 1, 49.6]}
@@ -140,7 +150,8 @@ def town(web: Web, folder: Path, scene: Town) -> Iterator[Service]:
         "columns.csv": by_other_names(changed(log, 5, seconds=60)),
     }
     with installed_grid(folder):
-        yield Service(web, {name: computed(web, name, content) for name, content in logs.items()})
+        drives = {name: computed(web, name, content) for name, content in logs.items()}
+        yield Service(web, {**drives, "steep": a_steep_street(web)})
 
 
 def computed(web: Web, name: str, log: bytes) -> uuid.UUID:
