@@ -45,6 +45,15 @@ SEEN = """() => {
       && (isSheet ? box.top + y > search.bottom : x > search.right));
 }"""
 """Whether all of the chosen segment is in what nothing lies over."""
+OVER_EACH_OTHER = """(all) => all.filter((one) => {
+  const boxes = [...one.children].map((part) => {
+    const words = document.createRange();
+    words.selectNodeContents(part);
+    return words.getBoundingClientRect();
+  });
+  return boxes.some((box, n) => n > 0 && box.left < boxes[n - 1].right - 1);
+}).map((one) => one.textContent)"""
+"""Rows of which a column lies over the one before."""
 SHORT = {
     "type": "Feature",
     "properties": {},
@@ -200,6 +209,7 @@ def proposals_of_incline(look: Look) -> None:
     assert '"format":"josm"' in str(asked.value.request.post_data)
     made(look, asked.value)
     panel.get_by_role("link", name=re.compile("josm")).wait_for()
+    panel.get_by_text(look.t("tools.making.entries", n=1)).wait_for()
     panel.get_by_text(look.t("tools.inclines.josm_1")).wait_for()
 
 
@@ -251,5 +261,7 @@ def a_whole_way(look: Look) -> None:
     way = look.page.get_by_role("complementary", name=look.like("segment.panel_way"))
     way.get_by_text(look.t("segment.measured_share")).wait_for()
     way.get_by_text(look.t("segment.list_unknown")).first.wait_for()
-    way.locator("ol.segments button, ul.segments button").first.focus()
+    rows = way.locator("ol.segments button, ul.segments button")
+    rows.first.focus()
     look.page.locator(".pointed").wait_for()
+    assert rows.evaluate_all(OVER_EACH_OTHER) == []
