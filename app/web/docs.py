@@ -59,9 +59,12 @@ def docs(
     service: ServiceDep,
     f: FormatQuery = None,
     lang: Annotated[str | None, Query(description="The page's language, `en` or `de`.")] = None,
+    q: Annotated[
+        str | None, Query(description="Words that the page searches its guides and routes for.")
+    ] = None,
 ) -> Response:
     """The guides, and all routes with their parameters and answers."""
-    refuse_unknown(request, {"f", "lang"})
+    refuse_unknown(request, {"f", "lang", "q"})
     wanted(request, f, AS_HTML)
     content = _content(guides.guide(guides.INDEX))
     answer = page_answer(request, service.settings, "docs", _plainly(request.app.openapi()), content)

@@ -18,7 +18,7 @@ from server_support import wait_until
 from web_fixtures import Web
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, BrowserContext, Page
+    from playwright.sync_api import Browser, BrowserContext, FilePayload, Page
 
 _QUEUED = text("SELECT id, generation FROM drives WHERE status = 'queued' ORDER BY queued_at")
 NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
@@ -104,8 +104,9 @@ def chromium_path() -> str:
 def browser() -> Iterator[Browser]:
     """One Chromium for the tests of a module: while its driver is there, no other loop of asyncio runs in a process."""
     path = chromium_path()
-    from playwright.sync_api import sync_playwright  # noqa: PLC0415
+    from playwright.sync_api import expect, sync_playwright  # noqa: PLC0415
 
+    expect.set_options(timeout=PATIENCE_MS)
     with sync_playwright() as driver:
         started = driver.chromium.launch(executable_path=path, args=list(FLAGS))
         yield started
@@ -165,7 +166,7 @@ def tab(tab_maker: Callable[..., Tab]) -> Tab:
     return tab_maker(viewport={"width": 1280, "height": 800})
 
 
-def named(name: str, content: bytes) -> dict[str, Any]:
+def named(name: str, content: bytes) -> FilePayload:
     """A file to choose."""
     return {"name": name, "mimeType": "", "buffer": content}
 

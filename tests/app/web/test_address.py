@@ -77,7 +77,8 @@ ADMIN = """() => {
 DOCS = """() => {
   const heading = document.querySelector('h1')?.textContent;
   if (!heading || !document.querySelector('article.guide, details.operation')) return null;
-  return { heading, open: [...document.querySelectorAll('details.operation[open]')].map((one) => one.id) };
+  const [search, all] = [document.querySelector('#search')?.value, document.querySelectorAll('details.operation')];
+  return { heading, search, all: all.length, open: [...all].filter((one) => one.open).map((one) => one.id) };
 }"""
 OTHERS = "() => document.querySelector('main h1')?.textContent ?? null"
 
@@ -162,6 +163,10 @@ def chosen(label: str, **option: Any) -> Callable[[Page], None]:
 
 def pressed(role: Any, name: str, exact: bool = False) -> Callable[[Page], None]:
     return lambda page: page.get_by_role(role, name=name, exact=exact).first.click()
+
+
+def written(label: str, text: str) -> Callable[[Page], None]:
+    return lambda page: page.get_by_label(label).fill(text)
 
 
 def void(_: object) -> None:
@@ -250,15 +255,9 @@ STEPS = {
         chosen("Status", value="failed"),
         "status=failed",
     ),
-    "drives: a search": Step(
-        "/drives", DRIVES, lambda page: page.get_by_label("Search by").fill("log 5"), r"q=log"
-    ),
-    "drives: another search": Step(
-        "/drives?q=log+4", DRIVES, lambda page: page.get_by_label("Search by").fill("log 5"), r"q=log\+5"
-    ),
-    "drives: a day": Step(
-        "/drives", DRIVES, lambda page: page.get_by_label("Uploaded from").fill("2026-02-01"), "created_after"
-    ),
+    "drives: a search": Step("/drives", DRIVES, written("Search by", "log 5"), r"q=log"),
+    "drives: another search": Step("/drives?q=log+4", DRIVES, written("Search by", "log 5"), r"q=log\+5"),
+    "drives: a day": Step("/drives", DRIVES, written("Uploaded from", "2026-02-01"), "created_after"),
     "drives: an order": Step("/drives", DRIVES, pressed("button", "Length"), "sort=distance_m"),
     "drives: the next page": Step("/drives", DRIVES, pressed("link", "Next"), "after="),
     "drives: all": Step("/drives?status=failed", DRIVES, pressed("link", "All drives"), "drives$"),
@@ -272,6 +271,7 @@ STEPS = {
         "/admin", ADMIN, lambda page: page.locator("#coverage > summary").click(), "#coverage"
     ),
     "admin: the days": Step("/admin", ADMIN, chosen("Figures by day", value="7"), "days=7"),
+    "docs: a search": Step("/docs", DOCS, written("Search guides", "webhooks"), "q=webhooks"),
     "docs: an operation": Step(
         "/docs", DOCS, lambda page: page.locator("#get-v1-changes > summary").click(), "#get-v1-changes"
     ),

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +18,10 @@ from fusion.simulate.scene.town import Town
 from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
-from geoid_support import APART_M, installed_grid
+from geoid_support import installed_grid
+from page_states.logs import by_other_names
 from processing_support import accept_upload, drive_now, process_drive
 from web_fixtures import Web
-
-NAMES = {"time_s": "Timestamp", "lat_deg": "Latitude", "lon_deg": "Longitude", "alt_msl_m": "Altitude (ft)"}
-FOOT_M = 0.3048
 
 
 @pytest.fixture
@@ -36,15 +32,8 @@ def drive(web: Web, town: Town, tmp_path: Path) -> Iterator[uuid.UUID]:
     write_csv(simulate_drive(town, 0, duration_s=60, receiver="m8"), tmp_path / "log.csv")
     road_imports.import_roads(web.sessions, tmp_path / "town.osm", web.context.dem_dir)
     dem_imports.import_dem(web.sessions, [tmp_path / "town.tif"], web.context.dem_dir)
-    rows = list(csv.DictReader(io.StringIO((tmp_path / "log.csv").read_text())))
-    text = io.StringIO()
-    out = csv.writer(text, lineterminator="\n")
-    out.writerow([*NAMES.values(), "Pressure", "Comment"])
-    for row in rows:
-        feet = f"{(float(row['alt_msl_m']) + APART_M) / FOOT_M:.2f}" if row["alt_msl_m"] else ""
-        out.writerow([row["time_s"], row["lat_deg"], row["lon_deg"], feet, 990, "x"])
+    content = by_other_names((tmp_path / "log.csv").read_bytes())
     with installed_grid(tmp_path):
-        content = text.getvalue().encode()
         made, _ = accept_upload(web.sessions, web.blobs, [content], filename="ride.csv", method="profile")
         compute(web, made.id)
         yield made.id
@@ -95,16 +84,3 @@ def test_heights_and_columns_are_put_right(web: Web, drive: uuid.UUID, tab: Tab)
     assert (done["report"]["geoid"], done["report"]["height_doubt"]) == ("EGM96", None)
     expect(heights).to_have_count(0)
     expect(page.get_by_text("4 were guessed by their names")).to_be_visible()
-
-
-def test_on_a_phone_in_the_dark_in_german(web: Web, drive: uuid.UUID, tab_maker: Callable[..., Tab]) -> None:
-    tab = tab_maker(color_scheme="dark", locale="de-DE", viewport={"width": 390, "height": 844})
-    page = tab.page
-    page.goto(f"{web.base}/drives/{drive}")
-    heights = page.get_by_role("region", name="Sind das Höhen über dem Meer?")
-    expect(heights).to_contain_text("Das Geoid EGM96 macht daraus Höhen über dem Meer.")
-    page.get_by_text("5 wurden nach ihren Namen erraten").click()
-    expect(page.get_by_label("Altitude (ft)", exact=True)).to_have_value("alt_msl_m")
-    assert tab.white_boxes() == []
-    assert tab.faults() == []
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390

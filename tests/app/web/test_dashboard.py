@@ -104,14 +104,6 @@ def test_every_link_leads_somewhere(looked_at: Web, tab: Tab) -> None:
     page.wait_for_url("**/drives?status=failed&failure=no-match&created_after=*")
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_no_fault_with_everything_open(looked_at: Web, tab_maker: Callable[..., Tab], theme: str) -> None:
-    tab = tab_maker(color_scheme=theme, viewport={"width": 390, "height": 844})
-    page = opened(tab, looked_at, *FOLDED)
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    assert tab.faults() == []
-
-
 def test_what_is_folded_is_not_read(looked_at: Web, tab: Tab) -> None:
     asked: list[str] = []
     tab.page.on("request", lambda request: asked.append(request.url.removeprefix(looked_at.base)))
@@ -204,14 +196,6 @@ def test_names_are_text_and_all_may_have_failed(web: Web, tab: Tab) -> None:
     assert page.get_by_text(markup).first.is_visible()
     assert page.get_by_role("link", name="8", exact=True).first.is_visible()
     page.get_by_role("heading", name="Failed drives").wait_for()
-
-
-def test_what_fails_for_want_of_roads_leads_to_their_import(worked_on: Web, tab: Tab) -> None:
-    page = opened(tab, worked_on)
-    row = page.locator(".attention li", has_text="no-match")
-    row.get_by_role("link", name="Import roads").click()
-    assert page.url.endswith("#import")
-    assert page.locator("form", has=page.get_by_role("heading", name="Import roads")).is_visible()
 
 
 def test_figures_by_day_have_days_and_begin_at_0(looked_at: Web, tab: Tab) -> None:

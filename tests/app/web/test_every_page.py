@@ -1,41 +1,14 @@
-"""What every page keeps to, with nothing in the service."""
+"""What is served as pages: by which policy, and no other file."""
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
 
 import pytest
 
-from browser_fixtures import Tab
 from web_fixtures import Web
 
 PAGES = ("map", "upload", "drives", "admin", "docs")
-THEMES = ("light", "dark")
-
-
-@pytest.mark.parametrize("theme", THEMES)
-@pytest.mark.parametrize("name", PAGES)
-def test_it_opens_on_nothing_without_a_fault(
-    web: Web, tab_maker: Callable[..., Tab], name: str, theme: str
-) -> None:
-    tab = tab_maker(color_scheme=theme)
-    tab.page.goto(f"{web.base}/{name}", wait_until="networkidle")
-    assert tab.page.title().endswith("– Versant")
-    assert tab.page.locator("main").is_visible()
-    assert tab.page.locator("html").get_attribute("data-theme") == theme
-    if theme == "dark":
-        assert tab.white_boxes() == []
-    if name != "docs":  # whose many operations test_docs_page.py looks at, with some of them open
-        assert tab.faults() == []
-
-
-@pytest.mark.parametrize("name", PAGES)
-def test_a_second_language(web: Web, tab_maker: Callable[..., Tab], name: str) -> None:
-    tab = tab_maker(locale="de-DE")
-    tab.page.goto(f"{web.base}/{name}", wait_until="networkidle")
-    assert tab.page.locator("html").get_attribute("lang") == "de"
-    assert tab.page.get_by_role("link", name="Karte", exact=True).is_visible()
 
 
 def test_policy_allows_this_host_alone(web: Web) -> None:

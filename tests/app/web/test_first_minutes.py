@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import text
 
 from app.drives.batches.touched import queue_touched
 from app.roads.imports import import_roads
 from browser_fixtures import Tab, drives_computed
 from web_fixtures import Web
 
-DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+PHONE = {"width": 390, "height": 844}
 
 
 @pytest.fixture
@@ -33,7 +31,7 @@ def uploaded(tab: Tab, web: Web, log: bytes) -> None:
     chooser.value.set_files([{"name": "ride.csv", "mimeType": "", "buffer": log}])
 
 
-@pytest.mark.parametrize(("size", "theme"), [(DESK, "light"), (PHONE, "dark")], ids=["desk", "phone"])
+@pytest.mark.parametrize("words", ["de"], indirect=True)
 def test_a_ride_before_there_are_roads_and_after(
     web: Web,
     tab_maker: Callable[..., Tab],
@@ -41,11 +39,9 @@ def test_a_ride_before_there_are_roads_and_after(
     tmp_path: Path,
     working: None,
     words: dict[str, Any],
-    size: dict[str, int],
-    theme: str,
 ) -> None:
     said = words["roads"]
-    tab = tab_maker(viewport=size, color_scheme=theme, locale=words["locale"])
+    tab = tab_maker(viewport=PHONE, locale=words["locale"])
     page = tab.page
     uploaded(tab, web, (files / "0.csv").read_bytes())
     row = page.locator(".upload-row.roads")
@@ -57,9 +53,8 @@ def test_a_ride_before_there_are_roads_and_after(
     assert page.get_by_text(words["upload"]["overall_roads"]["one"]).first.is_visible()
     assert page.locator(".upload-row .reason").count() == 0
     assert page.get_by_role("button", name=words["upload"]["process_again"]).count() == 0
-    assert tab.faults() == []
 
-    there = tab_maker(viewport=size, color_scheme=theme, locale=words["locale"])
+    there = tab_maker(viewport=PHONE, locale=words["locale"])
     there.page.goto(f"{web.base}/drives/{drive['id']}")
     there.page.get_by_role("heading", name=said["waits"]).wait_for()
     there.page.locator(".track-map canvas").wait_for()
@@ -70,14 +65,12 @@ def test_a_ride_before_there_are_roads_and_after(
     assert there.page.locator(".track-legend").count() == 0
     assert there.page.locator(".drive-status.failed, main .error-text").count() == 0
     assert there.page.get_by_role("link", name=extract, exact=True).is_visible()
-    assert there.faults() == []
 
-    listed = tab_maker(viewport=size, color_scheme=theme, locale=words["locale"])
+    listed = tab_maker(viewport=PHONE, locale=words["locale"])
     listed.page.goto(f"{web.base}/drives?waits_for=roads")
     listed.page.locator("tbody .state.roads").wait_for()
     chosen = listed.page.locator(".filters select").evaluate_all("all => all.map((one) => one.value)")
     assert "roads" in chosen
-    assert listed.faults() == []
 
     import_roads(web.sessions, files / "town.osm", tmp_path / "dem")
     row = page.locator(".upload-row.done")
@@ -89,25 +82,22 @@ def test_a_ride_before_there_are_roads_and_after(
         assert one.page.locator(".state.roads, .upload-row.roads, .waits-for").count() == 0
 
 
-@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+@pytest.mark.parametrize("words", ["en"], indirect=True)
 def test_every_page_says_so_and_leads_to_the_form(
     web: Web,
     tab_maker: Callable[..., Tab],
     files: Path,
     tmp_path: Path,
     words: dict[str, Any],
-    size: dict[str, int],
 ) -> None:
     said = words["roads"]
     tabs = []
     for name in ("map", "upload", "drives", "admin"):
-        tab = tab_maker(viewport=size, locale=words["locale"])
+        tab = tab_maker(locale=words["locale"])
         tab.page.goto(f"{web.base}/{name}")
         place = tab.page.locator(".nothing" if name == "map" else ".roads-notice")
         link = place.get_by_role("link", name=said["import"])
         link.wait_for()
-        assert tab.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-        assert tab.faults() == []
         tabs.append(tab)
     page = tabs[1].page
     page.get_by_role("link", name=said["import"]).click()
@@ -153,28 +143,3 @@ def test_what_is_no_log_is_not_computed_again(web: Web, tab: Tab, working: None)
     assert [one["failure"]["kind"] for one in drives] == ["empty-log"]
     assert row.get_by_role("button", name="Compute ride.csv again").count() == 0
     assert row.get_by_role("button", name="Try ride.csv again").count() == 0
-
-
-def test_the_credit_names_the_elevation_under_what_is_in_view(
-    web: Web, tab: Tab, files: Path, tmp_path: Path
-) -> None:
-    import_roads(web.sessions, files / "town.osm", tmp_path / "dem")
-    west, south, east, north = web.client.get("/tiles.json").json()["bounds"]
-    middle = (west + east) / 2
-    sources = [
-        {"name": "w.tif", "uri": "w/w.tif", "sha256": "w", "bounds_deg": [west - 1, south, middle, north]},
-        {"name": "e.tif", "uri": "e/e.tif", "sha256": "e", "bounds_deg": [middle, south, east + 1, north]},
-    ]
-    sources[0] |= {"source": "Western <Survey>", "licence": "CC BY 4.0"}
-    with web.sessions.begin() as session:
-        statement = "INSERT INTO dem_versions (sources, datum, active) VALUES (CAST(:s AS jsonb), 'x', true)"
-        session.execute(text(statement), {"s": json.dumps(sources)})
-    lat = (south + north) / 2
-    tab.page.goto(f"{web.base}/map?at=17/{lat}/{west - 0.01}")
-    credit = tab.page.locator(".maplibregl-ctrl-attrib-inner")
-    credit.get_by_text("Western <Survey> (CC BY 4.0)").wait_for()
-    tab.await_true("!document.querySelector('.maplibregl-ctrl-attrib-inner').textContent.includes('e.tif')")
-    tab.page.evaluate(f"window.versantMap.jumpTo({{center: [{east + 0.01}, {lat}]}})")
-    credit.get_by_text("elevation from e.tif").wait_for()
-    assert "Western" not in credit.inner_text()
-    assert "OpenStreetMap" in credit.inner_text()

@@ -169,23 +169,6 @@ def test_a_published_drive_appears_by_itself(filled: Web, drive_maker: Drive, ta
     tab.page.get_by_role("button", name=re.compile(r"6 to 8 %\s*3\s*in view")).wait_for()
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_no_fault_on_a_phone_or_a_desk(driven: Web, tab_maker: Callable[..., Tab], theme: str) -> None:
-    for width, height in ((1280, 800), (390, 844)):
-        tab = tab_maker(viewport={"width": width, "height": height}, color_scheme=theme)
-        opened(tab, f"{driven.base}/map")
-        assert tab.faults() == []
-        folded = tab.page.locator("details.legend").get_attribute("open") is None
-        assert folded == (width < 640)
-
-
-def test_nothing_to_draw_says_what_to_do(web: Web, tab: Tab) -> None:
-    tab.page.goto(f"{web.base}/map")
-    tab.page.get_by_role("heading", name="There are no roads here yet").wait_for()
-    assert tab.page.get_by_role("link", name="Upload a drive").get_attribute("href") == "/upload"
-    assert tab.faults() == []
-
-
 def exported(web: Web, kind: str = "pmtiles") -> str:
     """An export of the map as it is, done."""
     number = str(web.client.post("/v1/exports", json={"format": kind}).json()["id"])

@@ -19,7 +19,7 @@ from browser_fixtures import PATIENCE_MS, Tab
 from server_support import wait_until
 from web_fixtures import Web, add_drive
 
-STRETCH = {"light": (0xD4, 0xA9, 0x00), "dark": (0xFF, 0xD8, 0x4D)}
+STRETCH = (0xD4, 0xA9, 0x00)
 """The colour on the map of what is pointed at or chosen."""
 
 
@@ -46,11 +46,11 @@ def opened(tab: Tab, address: str) -> Page:
     return tab.page
 
 
-def stands_out(page: Page, theme: str = "light") -> bool:
+def stands_out(page: Page) -> bool:
     """Whether the map shows a stretch that does."""
     with Image.open(io.BytesIO(page.locator(".track-map").screenshot())) as picture:
         colours = np.asarray(picture.convert("RGB"), int)
-    return int((np.abs(colours - STRETCH[theme]).max(axis=2) < 12).sum()) > 100
+    return int((np.abs(colours - STRETCH).max(axis=2) < 12).sum()) > 100
 
 
 def shown(page: Page) -> int:
@@ -104,28 +104,6 @@ def test_the_steepest_stretch_is_found_by_the_pointer(hilly: str, tab: Tab) -> N
     expect(steepest).to_have_attribute("aria-pressed", "true")
     page.goto(f"{hilly}?stretch=99")
     expect(page.locator("button.climb")).to_have_attribute("aria-pressed", "false")
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("width", [390, 1280])
-def test_no_faults_and_the_figures_come_first(
-    hilly: str, tab_maker: Callable[..., Tab], theme: str, width: int
-) -> None:
-    tab = tab_maker(viewport={"width": width, "height": 844}, color_scheme=theme, locale="de-DE")
-    page = opened(tab, f"{hilly}?stretch=1")
-    figures = page.locator(".ride-figures")
-    for name, value in (("Bergauf", r"\d+ ± 3 m"), ("Bergab", r"\d+ ± 3 m"), ("Steilste 100 m", "bergab")):
-        term = figures.locator("div", has=page.get_by_text(name, exact=True))
-        expect(term.get_by_role("definition")).to_contain_text(re.compile(value))
-    expect(page.get_by_role("heading", name="Anstiege")).to_be_visible()
-    soon(lambda: stands_out(page, theme))
-    top = page.locator(".track-map").bounding_box()
-    assert top is not None
-    assert top["y"] + top["height"] < 844, "figures and map are on the first screen"
-    assert page.evaluate("document.documentElement.scrollWidth") == width
-    assert tab.faults() == []
-    if theme == "dark":
-        assert tab.white_boxes() == []
 
 
 def test_a_ride_without_climbs_says_so(filled: Web, tab: Tab) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import uuid
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from sqlalchemy import text
 from app.roads.imports import import_roads
 from browser_fixtures import Tab, named
 from fusion.roads.table import RoadTable
+from page_states.logs import rides, zip_of
 from processing_support import HEADER
 from region_support import bring
 from web_fixtures import Web
@@ -100,14 +99,13 @@ def test_a_log_from_the_drop_to_the_map_and_again(
     assert len(web.client.get("/v1/drives").json()["drives"]) == 1
 
 
-def test_what_is_refused_says_why_and_can_be_tried_again(web: Web, tab_maker: Callable[..., Tab]) -> None:
-    tab = opened(tab_maker(color_scheme="dark"), web)
+def test_what_is_refused_says_why_and_can_be_tried_again(web: Web, tab: Tab) -> None:
+    opened(tab, web)
     tab.expected += ["415", "422", "413"]
     choose(tab, named("holiday.jpg", b"\xff\xd8\xff" * 300), named("big.csv", LOG + b" " * 300_000))
     row(tab, "holiday.jpg").get_by_text("looks like a JPEG picture").wait_for()
     row(tab, "big.csv").get_by_text("larger than 200000 bytes").wait_for()
     row(tab, "big.csv").get_by_role("button", name="Try big.csv again").wait_for()
-    assert tab.faults() == []
     # A CSV by other names: people say what its columns are.
     header, rows = LOG.split(b"\n", 1)
     assert header == b"time_s,lat_deg,lon_deg"
@@ -119,7 +117,6 @@ def test_what_is_refused_says_why_and_can_be_tried_again(web: Web, tab_maker: Ca
     assert "--columns" not in form.inner_text()
     for ours, theirs in (("latitude", "Breite"), ("longitude", "Laenge"), ("seconds since 1970", "when")):
         form.get_by_label(theirs, exact=True).select_option(ours)
-    assert tab.faults() == []
     form.get_by_role("button", name="Upload with these columns").click()
     form.get_by_text("Waits to be computed").wait_for()
     [drive] = web.client.get("/v1/drives").json()["drives"]
@@ -216,65 +213,26 @@ def test_files_of_one_drive_a_method_and_the_keyboard_alone(web: Web, tab: Tab) 
     assert web.client.get(f"/v1/drives/{drive['id']}").status_code == 404
 
 
-def zip_of(**files: bytes) -> bytes:
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(f"{name}.csv", content)
-    return out.getvalue()
-
-
-def ride(began_s: int, lat: float = 49.0) -> bytes:
-    rows = (b"%d,%.5f,8.4\n" % (1_600_000_000 + began_s + k, lat + 1e-4 * k) for k in range(40))
-    return HEADER + b"".join(rows)
-
-
-RIDES = {
-    "monday": ride(0),
-    "monday2": ride(41, 49.004),
-    "tuesday": ride(90_000),
-    "friday": ride(400_000),
-    "notes": b"hello there",
-}
-WORDS = {
-    "en": ("Choose files", "Waits to be computed", "Not used", "Is this one drive?", "Make several drives of it",
-           "0 of 3 drives are done.", "0 of 4 drives are done.",
-           "in no format that is known"),
-    "de": ("Dateien auswählen", "Wartet auf die Berechnung", "Nicht verwendet", "Ist das eine Fahrt?",
-           "Mehrere Fahrten daraus machen", "0 von 3 Fahrten sind fertig.", "0 von 4 Fahrten sind fertig.",
-           "kein Format, das hier bekannt ist"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("language", "width"), [("en", 1280), ("de", 390)])
-def test_a_zip_of_rides_has_a_row_for_each_and_asks_where_it_is_unclear(
-    web: Web, tab_maker: Callable[..., Tab], language: str, width: int
-) -> None:
-    size = {"width": width, "height": 844}
-    tab = tab_maker(locale=language, viewport=size, color_scheme="dark" if width < 500 else "light")
+def test_a_zip_of_rides_has_a_row_for_each_and_asks_where_it_is_unclear(web: Web, tab: Tab) -> None:
     opened(tab, web)
-    button, waits, not_used, question, several, three, four, no_format = WORDS[language]
-    choose(tab, named("rides.zip", zip_of(**RIDES)), button=button)
+    choose(tab, named("rides.zip", zip_of(**rides())))
     for name in ("monday.csv, monday2.csv", "tuesday.csv", "friday.csv"):
-        row(tab, name).get_by_text(waits).wait_for()
+        row(tab, name).get_by_text("Waits to be computed").wait_for()
     notes = row(tab, "notes.csv")
-    notes.get_by_text(not_used).wait_for()
-    assert notes.get_by_text(no_format).is_visible()
-    tab.page.get_by_text(three).first.wait_for()
+    notes.get_by_text("Not used").wait_for()
+    assert notes.get_by_text("in no format that is known").is_visible()
     joined = row(tab, "monday.csv, monday2.csv")
-    joined.get_by_text(question).wait_for()
-    assert tab.faults() == []
+    joined.get_by_text("Is this one drive?").wait_for()
     assert len(web.client.get("/v1/drives").json()["drives"]) == 3
-    joined.get_by_role("button", name=several).click()
+    joined.get_by_role("button", name="Make several drives of it").click()
     for name in ("monday.csv", "monday2.csv"):
-        row(tab, name).get_by_text(waits).wait_for()
+        row(tab, name).get_by_text("Waits to be computed").wait_for()
     joined.wait_for(state="detached")
-    tab.page.get_by_text(four).first.wait_for()
+    tab.page.get_by_text("0 of 4 drives are done.").first.wait_for()
     drives = web.client.get("/v1/drives").json()["drives"]
     assert sorted(drive["filename"] for drive in drives) == [
         "friday.csv", "monday.csv", "monday2.csv", "tuesday.csv",
     ]  # fmt: skip
-    assert tab.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
 def test_many_files(web: Web, tab: Tab) -> None:

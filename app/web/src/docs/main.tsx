@@ -1,6 +1,6 @@
 /** The documentation: `/docs` lists the guides and describes the API, `/docs/{name}` is one guide. */
 import { useEffect, useLayoutEffect, useState } from "preact/hooks";
-import { lookedAt } from "../shared/address";
+import { goTo, lookedAt, search } from "../shared/address";
 import { getJson } from "../shared/api";
 import { errorText } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
@@ -45,7 +45,11 @@ interface StartProps {
 }
 
 function Start({ sections, document: api, problem }: StartProps) {
-  const [query, setQuery] = useState("");
+  const query = new URLSearchParams(search.value).get("q") ?? "";
+  const setQuery = (text: string) => {
+    const asked = text === "" ? "" : `?${new URLSearchParams({ q: text })}`;
+    goTo(location.pathname + asked + location.hash, query !== "" && text !== "");
+  };
   const words = query.toLowerCase().split(/\s+/).filter(Boolean);
   const groups = api ? matching(groupsOf(api), words) : [];
   const operations = groups.reduce((sum, group) => sum + group.operations.length, 0);
@@ -67,7 +71,9 @@ function Start({ sections, document: api, problem }: StartProps) {
           onInput={(event) => setQuery(event.currentTarget.value)}
         />
         <span role="status" class="quiet-text">
-          {words.length > 0 && api && t("docs.found", { n: operations, guides: books })}
+          {words.length > 0 &&
+            api &&
+            t("docs.found", { n: operations, guides: t("docs.found_guides", { n: books }) })}
         </span>
       </div>
       {books > 0 && <h2 id="guides">{t("docs.guides")}</h2>}

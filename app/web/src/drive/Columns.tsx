@@ -98,11 +98,17 @@ function reason({ geoid_m: apart, fits }: Doubt): string {
   return t("heights.no_fit", { by });
 }
 
+/** What is odd about its heights, unless they are taken otherwise already. */
+export function doubtOf(drive: Drive): Doubt | null {
+  if (drive.options["heights"] === "ellipsoid") return null;
+  return (drive.report?.["height_doubt"] as Doubt | null | undefined) ?? null;
+}
+
 /** Heights that are probably above the ellipsoid, and a button that takes them so. */
 export function Heights({ drive }: { drive: Drive }) {
   const busy = useSignal(false);
-  const doubt = drive.report?.["height_doubt"] as Doubt | null | undefined;
-  if (!doubt || drive.options["heights"] === "ellipsoid") return null;
+  const doubt = doubtOf(drive);
+  if (!doubt) return null;
   const take = async () => {
     busy.value = true;
     await computeWith(drive, { heights: "ellipsoid" }).catch(tellError);

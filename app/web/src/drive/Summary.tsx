@@ -4,6 +4,7 @@ import type { ComponentChildren } from "preact";
 import { distance, duration, moment, number, size } from "../shared/format";
 import { remarksOf } from "../shared/remarks";
 import { t } from "../shared/texts";
+import { doubtOf } from "./Columns";
 import { addressOf, type Drive, type Report } from "./data";
 import { ride } from "./ride";
 import { Scrolled } from "./Scrolled";
@@ -74,7 +75,10 @@ export function LogFigures({ drive }: { drive: Drive }) {
 
 /** What a person should know or do, as the service says it: what is to be done first. One line until it is opened. */
 export function Remarks({ drive }: { drive: Drive }) {
-  const warnings = remarksOf(drive.report);
+  // What is odd about its heights has a card of its own.
+  const warnings = remarksOf(drive.report).filter(
+    (one) => one.key !== "drive.altitudes_off" || doubtOf(drive) === null,
+  );
   if (warnings.length === 0 && !drive.duplicate_of) return null;
   const toDo = warnings.filter((one) => one.asks);
   const others = warnings.filter((one) => !one.asks);
@@ -140,7 +144,7 @@ export function ReportCard({ drive }: { drive: Drive }) {
                 <th scope="col">{t("drive.report.value")}</th>
               </tr>
             </thead>
-            <tbody>
+            <tbody lang="en">
               {allFigures(report).map(([name, value]) => (
                 <tr key={name}>
                   <th scope="row">{name}</th>

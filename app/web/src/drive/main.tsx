@@ -98,8 +98,8 @@ function Shown({ drive: now }: { drive: Drive }) {
           <div class="drive-top">
             {rows ? <Track profile={rows} /> : <div class="drive-map" />}
             <div class="drive-side">
-              <Heights drive={now} />
               <Remarks drive={now} />
+              <Heights drive={now} />
               <Climbs />
               <section class="card" aria-labelledby="figures">
                 <h2 id="figures">{t("drive.figure.title")}</h2>

@@ -74,7 +74,7 @@ describe("a report", async () => {
     const rows = Object.fromEntries(allFigures(REPORT));
     expect(rows["something_new.of_a_later"]).toBe("1.23457");
     expect(rows["warnings"]).toBeUndefined();
-    expect(remarksOf(REPORT)).toEqual([{ text: "Look here.", asks: false }]);
+    expect(remarksOf(REPORT)).toEqual([{ text: "Look here.", key: null, asks: false }]);
     expect(remarksOf(null)).toEqual([]);
   });
 

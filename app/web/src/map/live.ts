@@ -1,6 +1,7 @@
 /** The map stays as new as the service's: what changed is fetched anew, once it is in view. */
 import type { Map as MapLibre } from "maplibre-gl";
 import { follow } from "../shared/events";
+import { changes } from "./shown";
 import { type Box, layer, view } from "./state";
 import { SOURCE } from "./style";
 import { keyOf, shows, type Tile, tilesOver } from "./tiles";
@@ -70,6 +71,7 @@ export function stayNew(
     if (!old.length || !map.getSource(SOURCE)) return;
     onStale(old);
     map.refreshTiles(SOURCE, old);
+    changes.value += 1;
     for (const tile of old) freshness.asked(tile);
   };
   const changed = (box: Box | null) => {

@@ -15,3 +15,5 @@ export const segmentsFrom = signal(13);
 export const shownMap = signal<MapLibre | null>(null);
 /** Whether clicks draw a line, and select nothing. */
 export const drawing = signal(false);
+/** How often something in view has changed since the page was opened. */
+export const changes = signal(0);

@@ -231,6 +231,8 @@ interface Moves {
 }
 let moves: Moves | null = null;
 let waiting: Place | null = null;
+// What was selected before the map was open.
+let unrevealed: { box: Box; line: readonly Position[] } | null = null;
 // A link names what is selected, and not where it is.
 let unplaced = opened.selected !== null && opened.view === null && opened.box === null;
 
@@ -243,7 +245,8 @@ export function flyTo(place: Place): void {
 /** Show a line that was selected; `far` away it is flown to. */
 export function showSelected(box: Box, line: readonly Position[], far = false): void {
   if (far || unplaced) fly({ bbox: box });
-  else moves?.reveal(box, line);
+  else if (moves) moves.reveal(box, line);
+  else unrevealed = { box, line };
 }
 
 function fly(place: Place): void {
@@ -255,5 +258,6 @@ function fly(place: Place): void {
 /** The map is open and moves so; where it was to go meanwhile. */
 export function movedBy(how: Moves): Place | null {
   moves = how;
+  if (unrevealed) how.reveal(unrevealed.box, unrevealed.line);
   return waiting;
 }

@@ -1,6 +1,7 @@
 /** A map's credit names the elevation data that lies under what it shows, not all that the service has. */
 import type { Map as LibreMap, VectorTileSource } from "maplibre-gl";
 import { getJson } from "./api";
+import { t } from "./texts";
 
 /** Whose elevation data lies where: boxes of degrees, west, south, east, north. */
 interface Elevation {
@@ -24,26 +25,34 @@ export function creditsIn(all: readonly Elevation[], box: readonly number[]): st
 
 const escaped = (text: string) => text.replace(/[&<>"]/g, (one) => `&#${one.charCodeAt(0)};`);
 
-/** The service's own attribution with these credits in the place of all. */
+/** Whose the roads are, in the visitor's language. */
+const inOwnWords = (credit: string) =>
+  credit.replace("© OpenStreetMap contributors", t("map.osm_contributors"));
+
+/** The service's own attribution with these credits of elevation in the place of all. */
 export function withCredits(attribution: string, credits: readonly string[]): string {
-  const [roads = "", elevation] = attribution.split(/(?<=<\/a>), elevation from /);
+  const [roads = "", elevation] = inOwnWords(attribution).split(/(?<=<\/a>), elevation from /);
   if (elevation === undefined || credits.length === 0) return roads;
-  return `${roads}, elevation from ${credits.map(escaped).join(", ")}`;
+  return t("map.credit", { roads, elevation: credits.map(escaped).join(", ") });
 }
 
 /** Let the credit of a source of the service's tiles follow what is in view. */
 export function creditInView(map: LibreMap, name: string): void {
   let tiles: Tiles | null = null;
+  const change = (id: string, said: (credit: string) => string) => {
+    const source: Credited | undefined = map.getSource<VectorTileSource>(id);
+    if (!source?.attribution || source.attribution === said(source.attribution)) return;
+    source.attribution = said(source.attribution);
+    map.fire("sourcedata", { dataType: "source", sourceDataType: "metadata", source, sourceId: id });
+  };
   const tell = () => {
-    const source: Credited | undefined = map.getSource<VectorTileSource>(name);
-    const all = tiles?.["versant:elevation"] ?? [];
-    if (!source || !tiles?.attribution || all.length === 0) return;
+    const of = tiles;
+    if (!of?.attribution) return;
     const view = map.getBounds();
     const box = [view.getWest(), view.getSouth(), view.getEast(), view.getNorth()];
-    const said = withCredits(tiles.attribution, creditsIn(all, box));
-    if (source.attribution === said) return;
-    source.attribution = said;
-    map.fire("sourcedata", { dataType: "source", sourceDataType: "metadata", source, sourceId: name });
+    const said = withCredits(of.attribution, creditsIn(of["versant:elevation"] ?? [], box));
+    // What is said by another source as well stands there once.
+    for (const id of Object.keys(map.getStyle().sources)) change(id, id === name ? () => said : inOwnWords);
   };
   map.once("idle", () => {
     getJson<Tiles>("/tiles.json")

@@ -3,6 +3,8 @@ import { inWords, type Said } from "./said";
 
 export interface Remark {
   text: string;
+  /** Which of the service's messages it is, where that is known. */
+  key: string | null;
   /** Whether it says what a person can do about it. */
   asks: boolean;
 }
@@ -40,7 +42,11 @@ export function remarksOf(report: Record<string, unknown> | null | undefined): R
   const texts = report?.["warnings"];
   const said = (report?.["warnings_said"] ?? []) as (Said | null)[];
   if (!Array.isArray(texts)) return [];
-  return texts.map((text, at) => ({ text: inWords(String(text), said[at]), asks: asks(said[at]) }));
+  return texts.map((text, at) => ({
+    text: inWords(String(text), said[at]),
+    key: said[at]?.key ?? null,
+    asks: asks(said[at]),
+  }));
 }
 
 /** Why something failed. */

@@ -45,10 +45,10 @@ test("texts of many have the forms that their language knows", () => {
 });
 
 test("a text is chosen by number, and numbers are written as the language writes them", async () => {
-  expect(t("docs.found", { n: 1, guides: 0 })).toMatch(/^1 operation /);
-  expect(t("docs.found", { n: 1200, guides: 2 })).toMatch(/^1,200 operations /);
+  expect(t("docs.found", { n: 1, guides: "" })).toMatch(/^1 operation /);
+  expect(t("docs.found", { n: 1200, guides: "" })).toMatch(/^1,200 operations /);
   await loadTexts();
-  expect(t("docs.found", { n: 1200, guides: 2 })).toMatch(/^1\.200 Abfragen /);
+  expect(t("docs.found", { n: 1200, guides: "" })).toMatch(/^1\.200 Abfragen /);
   expect(t("problem.unexpected")).toContain("{what}");
   expect([hasText("page.map"), hasText("page"), hasText("page.nothing")]).toEqual([true, false, false]);
 });

@@ -7,7 +7,7 @@ import { inWords } from "../shared/said";
 import { t } from "../shared/texts";
 import { WaitsForRoads } from "../shared/Waits";
 import { Columns, mayLackColumns } from "./Columns";
-import { type Item, mayRetry, type Phase, remove, removeDrive, retry, takeApart } from "./queue";
+import { type Item, items, mayRetry, type Phase, remove, removeDrive, retry, takeApart } from "./queue";
 
 function words(item: Item): string {
   const phase: Phase = item.phase.value;
@@ -138,6 +138,13 @@ function Doubts({ item }: { item: Item }) {
   );
 }
 
+/** Whether it waits for roads that nothing before it in the list waits for: what would help is said once. */
+function isFirstToWait(item: Item): boolean {
+  const wanted = (one: Item) => one.drive.value?.waits_for?.extracts?.join();
+  const waiting = items.value.filter((one) => one.phase.value === "roads");
+  return waiting.find((one) => wanted(one) === wanted(item)) === item;
+}
+
 /** The row. */
 export function Row({ item }: { item: Item }) {
   const phase = item.phase.value;
@@ -161,7 +168,7 @@ export function Row({ item }: { item: Item }) {
         </p>
         <Bar item={item} />
         {(phase === "refused" || phase === "failed") && !lacks && <p class="reason">{reason}</p>}
-        {phase === "roads" && drive && <WaitsForRoads drive={drive} />}
+        {isFirstToWait(item) && drive && <WaitsForRoads drive={drive} />}
         {phase === "done" && warnings.length > 0 && (
           <details>
             <summary class="warn-text">{t("upload.warnings", { n: warnings.length })}</summary>

@@ -107,7 +107,11 @@ function Tables({ rows }: { rows: Row[] }) {
         columns={[
           {
             title: t("admin.coverage.highway"),
-            cell: (row) => <a href={roadsOf(row.highway, false)}>{row.highway}</a>,
+            cell: (row) => (
+              <a href={roadsOf(row.highway, false)} lang="en">
+                {row.highway}
+              </a>
+            ),
           },
           ...shared,
           {

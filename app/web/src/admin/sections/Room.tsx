@@ -20,7 +20,11 @@ function Storage() {
             {
               title: t("admin.storage.name"),
               cell: (row) =>
-                row.kind === "logs" ? <a href={drivesPage()}>{t("admin.storage.logs")}</a> : row.name,
+                row.kind === "logs" ? (
+                  <a href={drivesPage()}>{t("admin.storage.logs")}</a>
+                ) : (
+                  <span lang="en">{row.name}</span>
+                ),
             },
             { title: t("admin.storage.rows"), number: true, cell: (row) => number(row.rows_about) },
             { title: t("admin.storage.table"), number: true, cell: (row) => size(row.table_bytes) },

@@ -1,4 +1,4 @@
-/** The steepest streets of what is seen. One request for each view that the map comes to rest in. */
+/** The steepest streets of what is seen. One request for each view that the map comes to rest in, and for each change in it. */
 import { useEffect, useState } from "preact/hooks";
 import { choose } from "../../segment/choosing";
 import type { Segment } from "../../segment/data";
@@ -9,7 +9,7 @@ import { errorText } from "../../shared/Messages";
 import { t } from "../../shared/texts";
 import { freeBox } from "../free";
 import { marks } from "../marks";
-import { shownMap } from "../shown";
+import { changes, shownMap } from "../shown";
 import { flyTo, leastDrives, mostSigma, view } from "../state";
 import { type Street, streetsOf } from "./streets";
 
@@ -36,7 +36,7 @@ function query(box: readonly number[]): string {
 }
 
 /** The last answer: whoever comes back from a street finds its list. */
-let last: { asked: string; streets: Street[] } | null = null;
+let last: { asked: string; asOf: number; streets: Street[] } | null = null;
 
 const figure = ({ steepness_percent, sigma_percent }: Street) =>
   `${number(steepness_percent, 1)} ± ${number(sigma_percent, 1)} %`;
@@ -46,6 +46,7 @@ export default function Steepest() {
   const [why, fail] = useState("");
   const map = shownMap.value;
   const now = view.value;
+  const asOf = changes.value;
   const far = now !== null && now.zoom < LEAST_ZOOM;
   useEffect(() => {
     if (!map || far) return;
@@ -54,9 +55,9 @@ export default function Steepest() {
       // A map on its way tells when it has come to rest.
       if (map.isMoving()) return;
       const asked = query(freeBox(map));
-      if (last?.asked !== asked) {
+      if (last?.asked !== asked || last.asOf !== asOf) {
         const page = await getJson<{ features: Segment[] }>(asked, ended.signal);
-        last = { asked, streets: streetsOf(page.features) };
+        last = { asked, asOf, streets: streetsOf(page.features) };
       }
       set(last.streets);
       fail("");
@@ -70,7 +71,7 @@ export default function Steepest() {
       clearTimeout(timer);
       ended.abort();
     };
-  }, [map, now, far, mostSigma.value, leastDrives.value]);
+  }, [map, now, far, asOf, mostSigma.value, leastDrives.value]);
   const point = (one: Street | null) => () => {
     marks.value = one ? [{ kind: "street", at: one.line }] : [];
   };

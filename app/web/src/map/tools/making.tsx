@@ -2,7 +2,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { components } from "../../api/schema";
 import { api, got } from "../../shared/api";
-import { moment, number, size } from "../../shared/format";
+import { moment, size } from "../../shared/format";
 import { LogIn } from "../../shared/LoggedIn";
 import { errorText } from "../../shared/Messages";
 import { may } from "../../shared/session";
@@ -97,7 +97,7 @@ export function Making({
             </a>
           </p>
           <p class="quiet-text small">
-            {size(made.size_bytes)} · {t("tools.making.entries", { entries: number(made.entries) })} ·{" "}
+            {size(made.size_bytes)} · {t("tools.making.entries", { n: made.entries ?? 0 })} ·{" "}
             {t("tools.making.kept", { moment: moment(made.expires_at) })}
           </p>
           {made.notes.map((one) => (
