@@ -14,6 +14,7 @@ from fusion.messages import say as say
 SAID = "null where it has none. Pages say it so in their reader's language."
 
 add_catalogues(Path(__file__).parent)
+add_catalogues(Path(__file__).parent / "commands")  # what no page loads: command line, pictures
 
 
 class Said(BaseModel):

@@ -1,5 +1,6 @@
 /** What the service remarks on a drive, and why one failed, as pages say it. */
 import { inWords, type Said } from "./said";
+import { hasText, t } from "./texts";
 
 export interface Remark {
   text: string;
@@ -41,6 +42,12 @@ export function remarksOf(report: Record<string, unknown> | null | undefined): R
   const said = (report?.["warnings_said"] ?? []) as (Said | null)[];
   if (!Array.isArray(texts)) return [];
   return texts.map((text, at) => ({ text: inWords(String(text), said[at]), asks: asks(said[at]) }));
+}
+
+/** The kind of a failure in words. */
+export function failureText(kind: string): string {
+  const key = `drives.failure.${kind}`;
+  return hasText(key) ? t(key) : kind;
 }
 
 /** Why something failed. */
