@@ -149,10 +149,11 @@ class _Writer(string.Formatter):
         self._language = language
 
     def convert_field(self, value: Any, conversion: Any) -> Any:
-        is_name = isinstance(value, str) and not isinstance(
-            value, Message
-        )  # in quotes stands what is somebody's own
-        return super().convert_field(self._value(value) if conversion and not is_name else value, conversion)
+        if not conversion:
+            return value
+        if isinstance(value, str) and not isinstance(value, Message):  # somebody's own name, no word of ours
+            return Message(super().convert_field(value, conversion))
+        return super().convert_field(self._value(value), conversion)
 
     def format_field(self, value: Any, format_spec: str) -> str:
         text = format(
@@ -175,7 +176,9 @@ def _written(language: str, key: str, parameters: Mapping[str, Any]) -> str:
     """The words of a key in a language; ``KeyError`` where it has none."""
     writer = _Writer(language)
     if key == JOINED:
-        return str(parameters["by"]).join(writer.format("{0}", one) for one in parameters["parts"])
+        return term(language, str(parameters["by"])).join(
+            writer.format("{0}", one) for one in parameters["parts"]
+        )
     template = catalogue(language)[key]
     if isinstance(template, dict):
         template = template["one" if parameters.get("n") == 1 else "other"]

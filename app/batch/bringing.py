@@ -46,6 +46,7 @@ from app.terrain.heights import fill_heights_along, open_dem
 from app.terrain.store import DemSet
 from fusion.errors import FusionError
 from fusion.lags import next_lag
+from fusion.messages import message_of
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 
@@ -178,7 +179,7 @@ class _Work:
             except StorageFullError:
                 raise
             except (FusionError, OSError) as error:
-                self.brought.left_out[one.log.name] = " ".join(str(error).split())
+                self.brought.left_out[one.log.name] = message_of(error)
                 return
             as_computed = self._registered(one, blob, kept, computed, lost)
             if as_computed is None:

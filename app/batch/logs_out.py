@@ -25,6 +25,7 @@ from app.core.messages import say
 from app.drives.batches.importing import StoredLog, count_stored_logs, stored_logs
 from app.drives.parts.reading import log_name, plain_name
 from app.drives.receiving.upload_bundle import COPY_BYTES
+from fusion.messages import message_of
 
 LIST = ".drives.jsonl"
 """Hidden: a batch leaves it out."""
@@ -61,7 +62,7 @@ def export_logs(
                 path = _path(blobs, one)
                 exported.new += _copied(blobs, one, folder / path)
             except BatchError as error:
-                exported.left_out[str(one.id)] = str(error)
+                exported.left_out[str(one.id)] = message_of(error)
             except FileNotFoundError:
                 exported.left_out[str(one.id)] = say("batch.log_lost")
             else:

@@ -33,10 +33,10 @@ from app.core.errors import (
     ServiceError,
     kind_of,
 )
-from app.core.messages import Said, say
+from app.core.messages import Said, say, with_fault
 from app.core.text import language_of
 from fusion.errors import FusionError
-from fusion.messages import Message, catalogue, joined, message_of, term, text_in
+from fusion.messages import joined, message_of, term, text_in
 
 PROBLEM_JSON = "application/problem+json"
 RETRY_AFTER_S = 5
@@ -194,8 +194,7 @@ def _fault(item: Mapping[str, Any]) -> tuple[str, str]:
     field = ".".join(str(part) for part in rest) or str(place)
     if not message[:2].isupper():  # an acronym stays as it is
         message = message[:1].lower() + message[1:]
-    key = f"field.{item['type']}"
-    return field, Message(message, key, item.get("ctx", {})) if key in catalogue("en") else message
+    return field, with_fault(message, item)
 
 
 async def _internal_error(request: Request, error: Exception) -> JSONResponse:

@@ -14,7 +14,7 @@ from app.cli.console import Console, figure, spoken, write_json
 from app.cli.options import JSON_FILE, arg, opt
 from app.cli.remote import KEY, KEY_DIR, SERVER, service_client, shown_status
 from app.core.messages import say
-from fusion.messages import remarks_of, with_key
+from fusion.messages import message_of, remarks_of, with_key
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -109,7 +109,7 @@ def delete(
                 raise  # said once, not per drive
             except ClientError as error:
                 failed = True
-                console.complain(str(error))
+                console.complain(message_of(error))
     if failed:
         raise typer.Exit(1)
 

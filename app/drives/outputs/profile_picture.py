@@ -290,4 +290,5 @@ def _summary(profile: Profile) -> str:
     if not len(profile):
         return told("no positions")
     seconds = round(float(profile.time_s[-1] - profile.time_s[0]))
-    return f"{_length_km(profile):.1f} km, {seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d} h"
+    time = f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    return told(say("picture.length", km=_length_km(profile), time=time))

@@ -34,6 +34,7 @@ from app.exports.formats.osm_ele import heights_of
 from app.exports.formats.osrm import Unmeasured, directions, slope_of
 from app.exports.writing.osm_files import read_nodes
 from fusion.errors import BadOptionsError
+from fusion.messages import joined
 from fusion.types import Floats
 
 if TYPE_CHECKING:
@@ -207,7 +208,7 @@ def _columns(path: Path, names: tuple[str, ...]) -> tuple[Any, ...]:
             rows = csv.DictReader(file)
             if missing := [name for name in names if name not in (rows.fieldnames or ())]:
                 raise BadOptionsError(
-                    say("export.lacks_columns", file=path.name, names=", ".join(missing)),
+                    say("export.lacks_columns", file=path.name, names=joined(missing, " and none ")),
                     where=path.name,
                 )
             for row in rows:

@@ -12,12 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
-import app.core.messages  # noqa: F401 - adds its catalogues
 from app.cli.methods import catalogue as listed_choices
-from app.core.errors import all_kinds
+from app.core.errors import BadQueryError, all_kinds
+from app.core.messages import with_fault
+from app.core.query import parse_bbox
 from app.core.telemetry.logs import said_of_failure
+from app.drives.batches.documents import BatchRequest
 from app.exports.formats import SEGMENT_FORMATS
+from app.map.items.cql import TEXT, parse_filter
 from app.web import guides
 from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.errors import EmptyLogError
@@ -32,7 +36,9 @@ from fusion.messages import (
     remarks_of,
     said,
     say,
+    speaking,
     text_in,
+    told,
     with_key,
     with_remarks,
 )
@@ -218,3 +224,33 @@ def test_a_failure_is_stored_without_places() -> None:
         "lat_deg ist (entfernt), außerhalb von -90..90"
     )
     assert said_of_failure("Plain.", "line 3") is None
+
+
+def test_refusals_of_filters_and_of_validators_are_said_in_german() -> None:
+    with pytest.raises(BadQueryError) as refused:
+        parse_filter("name = ", TEXT)
+    german = text_in("de", message_of(refused.value))
+    assert german.startswith("filter: er kann beim Zeichen 8 nicht gelesen werden, am Ende")
+    with pytest.raises(BadQueryError) as refused:
+        parse_bbox("1,2,x,4")
+    german = text_in("de", message_of(refused.value))
+    assert german == "bbox: 'x' ist keine Zahl. Schreiben Sie etwa bbox=8.46,48.95,8.50,48.99."
+    with pytest.raises(ValidationError) as invalid:
+        BatchRequest.model_validate({"dry_run": "perhaps"})
+    (fault,) = invalid.value.errors()
+    assert text_in("de", with_fault(fault["msg"], fault)) == "das muss true oder false sein"
+    assert with_fault("Odd.", {"type": "of_a_later_version"}) == "Odd."
+
+
+def test_figures_and_names_in_quotes_are_written_as_german_does() -> None:
+    assert text_in("de", say("batch.removed", n=12345)).startswith("12.345 Fahrten")
+    # A name that somebody gave is no word of ours, though it reads like one.
+    assert text_in("de", say("query.no_query", name="method", names="queue")).startswith(
+        "Es gibt keine Abfrage 'method'."
+    )
+    with speaking("de"):
+        assert (told("bridge"), told(say("processing.split"))) == (
+            "Brücke",
+            "Teilen Sie die Aufzeichnung in kürzere Fahrten.",
+        )
+    assert told("bridge") == "bridge"

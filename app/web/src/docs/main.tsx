@@ -95,7 +95,10 @@ function Content() {
   const [problem, setProblem] = useState<string | null>(null);
   useLayoutEffect(removeServed, []);
   useEffect(() => {
-    getJson<Section[]>("/docs/contents.json").then((all) => setSections(inLanguage(all)), (error) => setProblem(errorText(error)));
+    getJson<Section[]>("/docs/contents.json").then(
+      (all) => setSections(inLanguage(all)),
+      (error) => setProblem(errorText(error)),
+    );
     if (current !== null) return;
     getJson<ApiDocument>("/openapi.json").then(setApi, (error) => setProblem(errorText(error)));
   }, []);

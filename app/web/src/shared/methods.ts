@@ -1,8 +1,8 @@
 /** What can be chosen for a drive, asked for once, and what has been chosen as a query of an upload or `reprocess`. */
 import type { components } from "../api/schema";
 import { api, got } from "./api";
-import { loadSaid, term } from "./said";
 import { allowed, type Chosen, type Schema } from "./SchemaFields";
+import { loadSaid, term } from "./said";
 
 export type Methods = components["schemas"]["MethodList"];
 export interface MethodChosen {
@@ -33,10 +33,12 @@ let asked: Promise<Methods> | null = null;
 
 /** The methods; asked for again only where that failed. */
 export function methods(): Promise<Methods> {
-  asked ??= Promise.all([got(api.GET("/v1/methods")), loadSaid()]).then(([all]) => inLanguage(all)).catch((error) => {
-    asked = null;
-    throw error;
-  });
+  asked ??= Promise.all([got(api.GET("/v1/methods")), loadSaid()])
+    .then(([all]) => inLanguage(all))
+    .catch((error) => {
+      asked = null;
+      throw error;
+    });
   return asked;
 }
 

@@ -75,7 +75,9 @@ export function Making({
   nothing: string;
 }) {
   const failed =
-    why || ((made?.failure ? reasonOf(made.failure) : null) ?? (made?.status === "cancelled" ? t("tools.making.cancelled") : ""));
+    why ||
+    ((made?.failure ? reasonOf(made.failure) : null) ??
+      (made?.status === "cancelled" ? t("tools.making.cancelled") : ""));
   const place = useRef<HTMLDivElement>(null);
   // A phone's sheet ends above it.
   useEffect(() => {
