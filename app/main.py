@@ -32,6 +32,7 @@ from app.core.caller import EDITION, SERVICE, as_caller, guard
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.disconnects import EndWithClient
 from app.core.http import Service
+from app.core.messages import say
 from app.core.problems import Problem, install_error_handlers
 from app.core.receiving.announcements import Announcements
 from app.core.receiving.clients import Forwarded, Shares
@@ -199,10 +200,7 @@ def _middleware(
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
     if settings.database_url is None:
-        raise SettingsError(
-            "VERSANT_DATABASE_URL is not set. Name a PostgreSQL database with PostGIS, or start everything "
-            "at once with `versant up`, which brings its own."
-        )
+        raise SettingsError(say("cli.no_database_url"))
     patience = Patience(settings.statement_timeout_s, settings.lock_timeout_s, settings.pool_timeout_s)
     pooled = settings.database_pooled
     connect = partial(make_engine, settings.database_url, patience=patience, pooled=pooled)

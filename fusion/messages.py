@@ -12,7 +12,9 @@ from __future__ import annotations
 import json
 import math
 import string
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from itertools import zip_longest
 from pathlib import Path
@@ -22,9 +24,12 @@ LANGUAGES = ("en", "de")
 """The first is what is stored, logged and said where no language is asked for."""
 TERMS = "terms"
 """The key under which a catalogue has the words of other languages for fixed English ones."""
+_POINTS = str.maketrans(",.", ".,")
+"""Thousands and decimals."""
 JOINED = "joined"
 """The key of several messages, one after the other."""
 
+_spoken = ContextVar("language", default="en")
 _folders = [Path(__file__).parent / "catalogues"]
 
 
@@ -119,6 +124,24 @@ def term(language: str, text: str) -> str:
     return str(catalogue(language)[TERMS].get(text, text))
 
 
+@contextmanager
+def speaking(language: str) -> Iterator[None]:
+    """Have ``told`` say things in a language while the block runs."""
+    before = _spoken.set(language)
+    try:
+        yield
+    finally:
+        _spoken.reset(before)
+
+
+def told(text: str) -> str:
+    """A sentence, or a fixed word or phrase, in the language that is spoken here (``speaking``); else English."""
+    language = _spoken.get()
+    if language == "en":
+        return text
+    return text_in(language, text) if isinstance(text, Message) and text.key else term(language, text)
+
+
 class _Writer(string.Formatter):
     """Writes values into templates as a language does."""
 
@@ -126,14 +149,18 @@ class _Writer(string.Formatter):
         self._language = language
 
     def convert_field(self, value: Any, conversion: Any) -> Any:
-        return super().convert_field(self._value(value) if conversion else value, conversion)
+        if not conversion:
+            return value
+        if isinstance(value, str) and not isinstance(value, Message):  # somebody's own name, no word of ours
+            return Message(super().convert_field(value, conversion))
+        return super().convert_field(self._value(value), conversion)
 
     def format_field(self, value: Any, format_spec: str) -> str:
         text = format(
             self._value(value), "" if isinstance(value, str) else format_spec
         )  # a figure may be blanked
-        is_figure = isinstance(value, float) and self._language != "en"
-        return text.replace(".", ",") if is_figure else text
+        is_figure = isinstance(value, int | float) and self._language != "en"
+        return text.translate(_POINTS) if is_figure else text
 
     def _value(self, value: Any) -> Any:
         if isinstance(value, list | tuple):
@@ -149,7 +176,9 @@ def _written(language: str, key: str, parameters: Mapping[str, Any]) -> str:
     """The words of a key in a language; ``KeyError`` where it has none."""
     writer = _Writer(language)
     if key == JOINED:
-        return str(parameters["by"]).join(writer.format("{0}", one) for one in parameters["parts"])
+        return term(language, str(parameters["by"])).join(
+            writer.format("{0}", one) for one in parameters["parts"]
+        )
     template = catalogue(language)[key]
     if isinstance(template, dict):
         template = template["one" if parameters.get("n") == 1 else "other"]

@@ -63,7 +63,7 @@ def make_key(request: NewKey, response: Response, service: ServiceDep, origin: O
     if not caller.may(request.scope):
         raise ForbiddenError(say("access.more_than_itself"))
     if request.expires_at is not None and request.expires_at <= datetime.now(UTC):
-        raise BadRequestError.about("expires_at", "that is past already.")
+        raise BadRequestError.about("expires_at", say("access.past"))
     response.headers["Cache-Control"] = "no-store"
     with service.sessions.begin() as session:
         owner_id = store.own_id()

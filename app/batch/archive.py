@@ -18,6 +18,7 @@ from app.batch.listing import Log
 from app.batch.locating import Located
 from app.batch.places import place_of_name
 from app.batch.roads import PlacedRoads
+from app.core.messages import say
 from fusion.pipeline import parse_options
 
 INPUTS = pa.schema(
@@ -82,16 +83,11 @@ class Archive:
     def read(cls, folder: BatchFolder) -> Self:
         """Of a folder in which a batch came to its end; raises ``BatchError``."""
         if not folder.manifest.is_file():
-            raise BatchError(
-                f"{folder.path} holds no batch that came to its end. Run `versant batch` with it, then this again."
-            )
+            raise BatchError(say("batch.no_batch", folder=folder.path))
         manifest = json.loads(folder.manifest.read_text(encoding="utf-8"))
         choices = manifest["choices"]
         if choices.get("layout") != LAYOUT:
-            raise BatchError(
-                f"{folder.path} was written by another version of Versant, which kept less or other things of drives. "
-                "Run `versant batch` with it again, then this."
-            )
+            raise BatchError(say("batch.other_version", folder=folder.path))
         became = pq.read_table(folder.report, columns=["log", "status"], use_threads=False).to_pylist()
         done = {row["log"] for row in became if row["status"] == "done"}
         method, options = choices["method"], choices["options"]

@@ -25,6 +25,7 @@ from app.batch.logs_in import lost_blob, not_reached, stored
 from app.batch.run import Shown
 from app.core.blobs import StoredBlob
 from app.core.errors import StorageFullError
+from app.core.messages import say
 from app.core.telemetry import audit
 from app.core.version import code_version
 from app.drives import claims, publishing, queue
@@ -45,6 +46,7 @@ from app.terrain.heights import fill_heights_along, open_dem
 from app.terrain.store import DemSet
 from fusion.errors import FusionError
 from fusion.lags import next_lag
+from fusion.messages import message_of
 from fusion.roads.table import RoadTable
 from fusion.terrain.dem import Dem
 
@@ -102,10 +104,7 @@ def bring(context: JobContext, archive: Archive, asked: Asked, shown: Shown) -> 
         missing = not_reached(new, shown.count("looking for logs", len(new)))
         if missing and not (asked.without_logs or asked.dry_run):
             raise BatchError(
-                f"{len(missing):,} of {len(new):,} logs are not where the batch read them, the first: "
-                f"{missing[0].log.name}. A drive without its log cannot be computed again when roads or methods "
-                "change. Make the logs reachable by these addresses (relative ones begin where the command is run), or "
-                "let their drives in without logs by --without-logs."
+                say("batch.logs_missing", n=len(missing), all=len(new), first=missing[0].log.name)
             )
         work = _Work(context, archive, asked, brought, {one.log.name for one in missing}, stack)
         bar = shown.count("drives", len(new))
@@ -170,9 +169,7 @@ class _Work:
         computed, why = self._computed(kept)
         lost = one.log.name in self.missing
         if lost and computed is None:
-            self.brought.left_out[one.log.name] = (
-                f"Its log is not reached, and it has to be computed again: {why}."
-            )
+            self.brought.left_out[one.log.name] = say("batch.log_needed", why=why)
             return
         if not self.asked.dry_run:
             try:
@@ -182,7 +179,7 @@ class _Work:
             except StorageFullError:
                 raise
             except (FusionError, OSError) as error:
-                self.brought.left_out[one.log.name] = " ".join(str(error).split())
+                self.brought.left_out[one.log.name] = message_of(error)
                 return
             as_computed = self._registered(one, blob, kept, computed, lost)
             if as_computed is None:

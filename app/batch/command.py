@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import app.cli.options as cli
-from app.cli.console import Console, write_json
+from app.cli.console import Console, spoken, tell, write_json
+from app.core.messages import say
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def batch(
         formats=_formats(formats),
     )
     if scheduler is not None and (processes or memory):
-        raise typer.BadParameter("workers of a named scheduler are its own.", param_hint="--scheduler")
+        raise typer.BadParameter(spoken(say("batch.scheduler")), param_hint="--scheduler")
     folder = BatchFolder(out.absolute())
     with (
         folder.held(),
@@ -110,7 +111,9 @@ def _formats(names: str) -> tuple[str, ...]:
     known = formats_of_segments()
     for name in wanted:
         if name not in known:
-            raise typer.BadParameter(f"{name!r} is none of {', '.join(known)}.", param_hint="--formats")
+            raise typer.BadParameter(
+                spoken(say("batch.no_format", name=name, names=", ".join(known))), param_hint="--formats"
+            )
     return wanted
 
 
@@ -118,9 +121,9 @@ def _tell(done: Done, console: Console, report: Path) -> dict[str, Any]:
     """Say what came of it; the figures."""
     failed = [one for one in done.outcomes if one.status == "failed"]
     for one in failed[:MOST_NAMED]:
-        console.complain(f"{one.log}: {one.reason}")
+        console.complain(say("cli.of_file", file=one.log, note=one.reason))
     if len(failed) > MOST_NAMED:
-        console.complain(f"{len(failed) - MOST_NAMED:,} more logs failed; {report} names all.")
+        console.complain(say("batch.more_failed", n=len(failed) - MOST_NAMED, report=report))
     solution = done.solution
     segments, remarks = (0, []) if solution is None else (len(solution), solution.remarks)
     console.warn("", remarks)
@@ -128,7 +131,7 @@ def _tell(done: Done, console: Console, report: Path) -> dict[str, Any]:
         console.note(note)
     count = Counter(one.status for one in done.outcomes)
     for path in done.files:
-        console.note(f"{path}: {segments:,} segments from {count['done']:,} of {len(done.outcomes):,} logs.")
+        console.note(say("batch.written", file=path, n=segments, logs=count["done"], all=len(done.outcomes)))
     return {
         "logs": len(done.outcomes),
         **{status: count[status] for status in ("done", "repeated", "failed")},
@@ -182,7 +185,7 @@ def import_batch(
             else:
                 brought = bring(context, archive, Asked(dry_run, without_logs), bars)
     if undo:
-        typer.echo(f"{removed:,} drives are removed; the workers take back what they said.")
+        tell("batch.removed", n=removed)
         write_json(json_file, {"removed": removed})
         return
     _tell_brought(brought, console, dry_run)
@@ -194,21 +197,26 @@ def import_batch(
 def _tell_brought(brought: Brought, console: Console, dry_run: bool) -> None:
     """Say what came of it."""
     for name, why in [*brought.left_out.items()][:MOST_NAMED]:
-        console.complain(f"{name}: {why}")
+        console.complain(say("cli.of_file", file=name, note=why))
     if len(brought.left_out) > MOST_NAMED:
-        console.complain(f"{len(brought.left_out) - MOST_NAMED:,} more logs are left out.")
+        console.complain(say("batch.more_left_out", n=len(brought.left_out) - MOST_NAMED))
     come, are = ("would come", "would be") if dry_run else ("came", "are")
-    typer.echo(
-        f"{brought.as_computed:,} drives {come} in as the batch computed them, {brought.to_compute.total():,} {are} "
-        f"computed by the workers, {brought.there:,} were there already, {len(brought.left_out):,} {are} left out; "
-        f"{brought.failed:,} logs failed in the batch."
+    tell(
+        "batch.brought",
+        n=brought.as_computed,
+        come=come,
+        computed=brought.to_compute.total(),
+        are=are,
+        there=brought.there,
+        left_out=len(brought.left_out),
+        failed=brought.failed,
     )
     for why, count in brought.to_compute.items():
-        typer.echo(f"{count:,} {are} computed by the workers because {why}.")
+        tell("batch.because", n=count, are=are, why=why)
     if brought.without_log:
-        typer.echo(f"{brought.without_log:,} {are} in without their logs.")
+        tell("batch.without_logs", n=brought.without_log, are=are)
     if brought.number is not None:
-        typer.echo(f"All of it is import {brought.number}; --undo removes it.")
+        tell("batch.import", number=brought.number)
 
 
 @app.command("export-logs")
@@ -238,10 +246,14 @@ def export_logs(
         blobs = BlobStore(settings.blob_store_url)
         found = logs_out.export_logs(factory, blobs, folder.absolute(), owner_id, bars)
     for drive, why in found.left_out.items():
-        console.complain(f"Drive {drive}: {why}")
-    typer.echo(
-        f"{folder}: {found.logs.total():,} logs of {len(found.logs):,} owners, {found.new:,} of them new; "
-        f"{found.removed:,} removed."
+        console.complain(say("batch.drive", id=drive, why=why))
+    tell(
+        "batch.logs_out",
+        folder=folder,
+        n=found.logs.total(),
+        owners=len(found.logs),
+        new=found.new,
+        removed=found.removed,
     )
     write_json(json_file, vars(found))
     if found.left_out:

@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from app.batch.errors import BatchError
+from app.core.messages import say
 from app.core.text import dumps
 
 COMPRESSION = "zstd"
@@ -112,9 +113,7 @@ class BatchFolder:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise BatchError(
-                    f"Another command is at work in {self.path}. Wait for it, or name another folder."
-                ) from None
+                raise BatchError(say("batch.busy", folder=self.path)) from None
             yield
 
 

@@ -15,6 +15,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any, Protocol
 
 from app.batch.errors import BatchError
+from app.core.messages import say
 
 DEATHS = 3
 """Workers that a task may kill."""
@@ -23,10 +24,7 @@ WAITING_PER_HAND, FEWEST_WAITING = 3, 8
 STARTED_WITHIN_S = 60.0
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _RESERVES = ("target", "spill", "pause")
-_MISSING = (
-    "versant batch needs Dask, which is not installed. Install Versant with its extra batch: pip install "
-    "'versant[batch]'."
-)
+_MISSING = say("batch.no_dask")
 
 
 class Job(Protocol):
@@ -98,9 +96,7 @@ class Hands:
         from distributed.scheduler import KilledWorker  # noqa: PLC0415 - as above
 
         if future.status == "cancelled":
-            raise BatchError(
-                "The scheduler is gone. Start it and run the same command again: it goes on from here."
-            )
+            raise BatchError(say("batch.scheduler_gone"))
         error = future.exception()
         if isinstance(error, KilledWorker):
             return DEAD
@@ -197,9 +193,7 @@ def hands(scheduler: str | None, processes: int | None, memory: str | None) -> I
             made: Any = Client  # it has none either
             client = stack.enter_context(made(scheduler, set_as_default=False, timeout=STARTED_WITHIN_S))
         except (OSError, TimeoutError) as error:
-            raise BatchError(
-                f"No scheduler answers at {scheduler}. Start one, or leave --scheduler out."
-            ) from error
+            raise BatchError(say("batch.no_scheduler", address=scheduler)) from error
         _require_same_code(client)
         yield Hands(client)
 
@@ -218,4 +212,4 @@ def _require_same_code(client: Any) -> None:
     for worker, theirs in client.run(version).items():
         if theirs != ours:
             has = "no Versant" if theirs is None else f"Versant {theirs}"
-            raise BatchError(f"The worker {worker} has {has}, and this is {ours}: install the same there.")
+            raise BatchError(say("batch.other_worker", worker=worker, theirs=has, ours=ours))

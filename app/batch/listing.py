@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from app.batch.errors import BatchError
 from app.core.filesystems import file_system, is_folder
+from app.core.messages import say
 
 _ADDED = frozenset({"Thumbs.db", "desktop.ini"})
 """What systems put beside files."""
@@ -54,7 +55,7 @@ def list_logs(named: Sequence[str], progress: Callable[[int], None] = lambda mor
             found[log.address, log.member], none = log, False
             progress(1)
         if none:
-            raise BatchError(f"There is no log under {name}. Name a file, a folder, a zip or an address.")
+            raise BatchError(say("batch.no_log", name=name))
     return [found[key] for key in sorted(found)]
 
 
@@ -69,7 +70,7 @@ def _under(name: str) -> Iterator[Log]:
             yield Log(prefix, "", int(info["size"]), _stamp(info))
         return
     if not fs.exists(root):
-        raise BatchError(f"There is no {name}.")
+        raise BatchError(say("batch.nothing_there", name=name))
     for path, info in fs.find(root, detail=True).items():
         below = str(path)[len(root) :].lstrip("/")
         if info.get("type") != "directory" and not _is_hidden(below):
@@ -83,7 +84,7 @@ def _in_zip(fs: Any, root: str, prefix: str, stamp: str) -> Iterator[Log]:
                 if not info.is_dir() and not _is_hidden(info.filename):
                     yield Log(prefix, info.filename, info.file_size, f"{stamp} {info.CRC:08x}")
     except zipfile.BadZipFile as error:
-        raise BatchError(f"{prefix} is no zip that can be read: {error}.") from error
+        raise BatchError(say("batch.no_zip", name=prefix, error=error)) from error
 
 
 def _is_hidden(path: str) -> bool:

@@ -11,6 +11,7 @@ from app.batch.errors import BatchError
 from app.batch.opened import digest, opened
 from app.core.blobs import LOGS, StoredBlob
 from app.core.filesystems import file_system
+from app.core.messages import say
 from app.core.receiving.body import Piece
 from app.drives.receiving.first_look import FirstLook
 from app.drives.receiving.upload_bundle import COPY_BYTES, UploadBundle
@@ -38,7 +39,7 @@ def stored(context: JobContext, one: Input, columns: Mapping[str, str] | None) -
     settings = context.settings
     with opened(one.log) as path:
         if digest(path) != one.sha256:
-            raise BatchError("The log has changed since the batch. Run the batch again, then this.")
+            raise BatchError(say("batch.log_changed"))
         bundle = UploadBundle(
             context.blobs,
             keep_free_bytes=settings.min_free_bytes,

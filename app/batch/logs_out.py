@@ -21,9 +21,11 @@ from app.batch.folder import written
 from app.batch.run import Shown
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
+from app.core.messages import say
 from app.drives.batches.importing import StoredLog, count_stored_logs, stored_logs
 from app.drives.parts.reading import log_name, plain_name
 from app.drives.receiving.upload_bundle import COPY_BYTES
+from fusion.messages import message_of
 
 LIST = ".drives.jsonl"
 """Hidden: a batch leaves it out."""
@@ -60,9 +62,9 @@ def export_logs(
                 path = _path(blobs, one)
                 exported.new += _copied(blobs, one, folder / path)
             except BatchError as error:
-                exported.left_out[str(one.id)] = str(error)
+                exported.left_out[str(one.id)] = message_of(error)
             except FileNotFoundError:
-                exported.left_out[str(one.id)] = "Its log is not in the service's storage."
+                exported.left_out[str(one.id)] = say("batch.log_lost")
             else:
                 places[str(one.id)] = str(Path(path).parent)
                 exported.logs[one.owner] += 1
@@ -77,9 +79,7 @@ def _require_ours(folder: Path) -> None:
     if (folder / LIST).is_file():
         return
     if folder.is_dir() and any(folder.iterdir()):
-        raise BatchError(
-            f"{folder} holds other files. Name an empty folder, or one that this command has filled."
-        )
+        raise BatchError(say("batch.other_files", folder=folder))
     with written(folder / LIST) as partial:
         partial.write_text("")
 
@@ -128,7 +128,7 @@ def _copied(blobs: BlobStore, one: StoredLog, path: Path) -> bool:
                 digest.update(data)
                 out.write(data)
         if digest.hexdigest() != one.sha256:
-            raise BatchError("Its log is damaged: its SHA-256 is not that of what was uploaded.")
+            raise BatchError(say("batch.log_damaged"))
     return True
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from app.batch.listing import Log
 from app.core.filesystems import file_system, is_folder
+from app.core.messages import say
 from fusion.errors import FusionError, LogError
 from fusion.formats import MAX_BYTES
 
@@ -23,9 +24,7 @@ _AT_ONCE = 1 << 20
 def opened(log: Log) -> Iterator[Path]:
     """Where the log can be read while the block runs; raises ``LogError`` or ``OSError``."""
     if log.size > MAX_BYTES:
-        raise LogError(
-            f"The log has {log.size:,} bytes; {MAX_BYTES:,} are read at most. Split the recording."
-        )
+        raise LogError(say("batch.large", n=log.size, most=MAX_BYTES))
     fs, path = file_system(log.address)
     if is_folder(fs) and not log.member:
         yield Path(path)
@@ -59,12 +58,11 @@ def reason_of(error: Exception) -> Reason:
     if isinstance(error, FusionError):
         return Reason(" ".join(str(error).split()), False)
     if isinstance(error, OSError) and error.strerror:
-        return Reason(f"The log cannot be read: {error.strerror}.", True)
-    return Reason(" ".join(f"The log cannot be used: {type(error).__name__}: {error}".split()), True)
+        return Reason(say("batch.unreadable", error=error.strerror), True)
+    return Reason(" ".join(say("batch.unusable", kind=type(error).__name__, error=error).split()), True)
 
 
 DIED = Reason(
-    "The process that worked on it died three times: the log needs more memory than a worker may take, or breaks a "
-    "reader. Split the recording, or give workers more memory.",
+    say("batch.died"),
     True,
 )

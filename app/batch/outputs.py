@@ -11,6 +11,7 @@ from app.batch.errors import BatchError
 from app.batch.folder import BatchFolder
 from app.batch.hands import DEAD, Hands
 from app.batch.source import SolvedSource
+from app.core.messages import say
 from app.core.text import utc_text, whole_file
 from app.exports.format import WAYS, Format, TableFormat, statements
 from app.exports.formats import FORMATS, SEGMENT_FORMATS, write_companions
@@ -53,7 +54,7 @@ def write_outputs(
     made: dict[str, Written] = {}
     for name, written in hands.results(formats, lambda name: (_write, folder, name, place, stated)):
         if written is DEAD:
-            raise BatchError(f"The process that wrote {name} died three times. Give workers more memory.")
+            raise BatchError(say("batch.writer_died", name=name))
         made[name] = written
     place.unlink()
     kept = set[Path]()

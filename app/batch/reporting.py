@@ -11,6 +11,7 @@ import pyarrow as pa
 from app.batch.folder import BatchFolder, write_table
 from app.batch.listing import Log
 from app.batch.locating import Located
+from app.core.messages import say
 from fusion.report import with_agreement
 from fusion.results import Solution
 
@@ -58,7 +59,7 @@ def outcomes_of(
     for one in located:
         name = one.log.name
         if one.log in repeated:
-            out.append(_not_done(name, "repeated", f"the same bytes as {repeated[one.log]}"))
+            out.append(_not_done(name, "repeated", say("fuse.same", earlier=repeated[one.log])))
         elif solution is not None and (k := number.get(name)) is not None:
             original = solution.duplicates.get(k)
             same = None if original is None else drives[original]["log"]

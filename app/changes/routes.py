@@ -33,10 +33,12 @@ from app.core.http import (
     problems,
     with_query,
 )
+from app.core.messages import say
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.receiving.clients import Shares
 from app.core.receiving.sse import EventStream, Follower, Followers, event, events_of, stream_answer
 from app.core.text import GEO_JSON, Moment, dumps
+from fusion.messages import message_of
 
 PAGE_DEFAULT, PAGE_MAX = 1000, 10_000
 EXAMPLE_VERSION = "k3v7qmx2ab-184467"
@@ -151,7 +153,7 @@ def _refusing() -> Iterator[None]:
     try:
         yield
     except BadQueryError as error:
-        raise BadRequestError(str(error), errors=error.errors) from error
+        raise BadRequestError(message_of(error), errors=error.errors) from error
 
 
 LOOK_EVERY_S = 0.5
@@ -193,9 +195,7 @@ class Live:
 
     def __init__(self, watched: WatchedMap, streams: Shares) -> None:
         self._watched = watched
-        self._followers = Followers[str, Change](
-            streams, "Ask GET /v1/changes every few seconds", join_changes
-        )
+        self._followers = Followers[str, Change](streams, say("stream.ask_changes"), join_changes)
         self._somebody = asyncio.Event()
         self._version = ""
 

@@ -30,7 +30,7 @@ from app.network.locks import own_network
 
 Moment = int
 
-ANEW = "Read everything anew: GET /v1/changes without since gives the version to go on from."
+ANEW = say("changes.anew")
 
 MOST_AT_ONCE = 10_000
 """Changes that a question numbers anew by itself; more are for a worker."""
@@ -143,19 +143,14 @@ def parse_since(now: State, value: str, *, field: str = "since") -> Since:
     """
     parsed = _PARSED.fullmatch(value)
     if parsed is None:
-        raise BadQueryError.about(
-            field, f"{value[:80]!r} is no version. Take it from `version` of an answer, as it stands there."
-        )
+        raise BadQueryError.about(field, say("changes.no_version", text=value[:80]))
     since = Since(parsed[1], int(parsed[2]), int(parsed[3] or 0))
     if since.epoch != now.epoch or since.xid > now.next_xid:
-        raise GoneError.about(
-            field, f"this version is of another database, or of before this one was restored. {ANEW}"
-        )
+        raise GoneError.about(field, say("changes.other_database", advice=ANEW))
     if since.xid < now.pruned_xid:
         raise GoneError.about(
             field,
-            f"this version is older than the removed segments that are still told "
-            f"(VERSANT_CHANGES_KEPT_DAYS). {ANEW}",
+            say("changes.too_old", advice=ANEW),
         )
     return since
 

@@ -14,7 +14,9 @@ from typing import Annotated, Any, NamedTuple
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from app.cli.console import Console, sentence
+from app.cli.console import Console, language, sentence
+from app.cli.words.parser import in_words, paragraphs, speak, usage_in_words
+from fusion.messages import speaking
 
 
 class Command(NamedTuple):
@@ -135,7 +137,7 @@ class _LazyCommands(Mapping[str, Any]):
         name = FORMER_NAMES.get(name, name)
         commands = importlib.import_module(COMMANDS[name].module).app
         loaded: Any = typer.main.get_command(commands)
-        return loaded.commands[name] if isinstance(loaded, TyperGroup) else loaded
+        return in_words(loaded.commands[name] if isinstance(loaded, TyperGroup) else loaded)
 
     def __iter__(self) -> Iterator[str]:
         return iter(COMMANDS)
@@ -162,7 +164,9 @@ class VersantGroup(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help out of ``COMMANDS``: the commands themselves are not loaded for it."""
         loading = self.commands
-        self.commands = {name: TyperCommand(name, help=it.summary) for name, it in COMMANDS.items()}
+        self.commands = {
+            name: TyperCommand(name, help=paragraphs(it.summary)) for name, it in COMMANDS.items()
+        }
         try:
             super().format_help(ctx, formatter)
         finally:
@@ -172,14 +176,18 @@ class VersantGroup(TyperGroup):
         """Run the command; any error becomes one line on standard error and exit status 1."""
         try:
             return super().invoke(ctx)
-        except (typer.Exit, typer.Abort, typer.TyperException, BrokenPipeError):
+        except typer.TyperException as error:
+            told = usage_in_words(error.format_message())
+            error.format_message = lambda: told  # type: ignore[method-assign]
+            raise
+        except (typer.Exit, typer.Abort, BrokenPipeError):
             raise
         except KeyboardInterrupt:
             raise typer.Exit(130) from None
         except Exception as error:
             if ctx.params.get("debug"):
                 raise
-            typer.echo(f"versant: {sentence(error)}", err=True)
+            Console().complain(sentence(error))
             raise typer.Exit(1) from error
 
 
@@ -212,6 +220,7 @@ def root(
     ] = False,
 ) -> None:
     """Measures the slope of roads from what vehicles recorded."""
+    ctx.with_resource(speaking(language()))
     ctx.obj = Console(quiet=quiet, debug=debug)
 
 
@@ -219,4 +228,5 @@ def main() -> None:
     """The console script."""
     # Threads of the compiled loops that wait must sleep, not spin: API, database and worker share the cores.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-    app(prog_name="versant")
+    speak()
+    in_words(typer.main.get_command(app))(prog_name="versant")

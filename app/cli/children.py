@@ -22,6 +22,7 @@ from typing import Protocol, Self
 from pydantic import SecretStr
 
 from app.cli.console import Console
+from app.core.messages import say
 from app.core.settings import ENV_PREFIX, Settings
 
 STOP_MARGIN_S = 5.0
@@ -105,9 +106,7 @@ class Child:
             if ended == BEGIN_ANEW:
                 self.pause_s, self.restart_s = 1.0, now
             else:
-                console.complain(
-                    f"the {self.name} ended with status {ended}; starting it again in {self.pause_s:.0f} s."
-                )
+                console.complain(say("up.child_ended", name=self.name, status=ended, seconds=self.pause_s))
             self.let_go()
         if self.process is None and now >= self.restart_s:
             self.start()

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self
 import httpx
 
 from app.access.folder import KEY_FORM
+from app.core.messages import say
 from app.core.settings.access import is_loopback
 from fusion.errors import FusionError
 from fusion.messages import with_key
@@ -30,24 +31,12 @@ FIRST_POLL_S, LAST_POLL_S = 0.1, 2.0
 """Pause between two looks at a drive; it grows from the first to the last by halves."""
 
 _TROUBLE: dict[type[Exception], str] = {
-    httpx.ConnectError: "No Versant service answers at {server}. Start one with `versant up`, or name another with "
-    "--server or VERSANT_SERVER.",
-    httpx.TimeoutException: "The service at {server} did not answer in time. It may be overloaded; try again.",
-    httpx.InvalidURL: "{server!r} is no address: {reason}. Write it as http://host:port.",
-    httpx.TransportError: "The connection to {server} broke ({reason}). Try again: what was uploaded completely is not "
-    "stored twice.",
+    httpx.ConnectError: "client.nobody",
+    httpx.TimeoutException: "client.late",
+    httpx.InvalidURL: "client.no_url",
+    httpx.TransportError: "client.broke",
 }
-"""What is said where no answer comes: of the first kind that an error is of."""
-
-_NO_KEY = (
-    "The service at {server} asks for a key. Name one by VERSANT_KEY or --key; of a service on this machine its data "
-    "folder will do (--data-dir). `versant keys create` makes keys."
-)
-_WRONG_KEY = (
-    "The service at {server} does not take the key that it was sent: it was revoked, has expired, or is another "
-    "service's. Keys are taken from --key, else VERSANT_KEY, else operator.key of the data folder."
-)
-_SMALL_KEY = "{detail} --key or VERSANT_KEY name another key; `versant keys create --scope` makes one."
+"""Keys of what is said where no answer comes: of the first kind that an error is of."""
 
 BytesSent = Callable[[int], None]
 DriveSeen = Callable[["RemoteDrive"], None]
@@ -133,7 +122,7 @@ class Client:
         if key is not None and not KEY_FORM.fullmatch(
             key
         ):  # which is not repeated: it may be one with a slip
-            raise BadKeyError("That is no key: one is vsk_ and 43 letters, digits, - and _ after it.")
+            raise BadKeyError(say("client.key_form"))
         self.server = server.rstrip("/")
         self._key = _Key(key, self.server) if key else None
         # An address on this machine must never go through a proxy that the environment names for the world.
@@ -213,10 +202,7 @@ class Client:
             if drive.final:
                 return drive
             if timeout_s is not None and time.monotonic() - started > timeout_s:
-                raise ClientError(
-                    f"Drive {drive_id} is still {drive.status} after {timeout_s:.0f} s. It goes on by "
-                    "itself: look again later, and whether a worker runs."
-                )
+                raise ClientError(say("client.still", id=drive_id, status=drive.status, seconds=timeout_s))
             time.sleep(pause)
             pause = min(LAST_POLL_S, pause * 1.5)
 
@@ -247,16 +233,13 @@ class Client:
         try:
             answer = self._http.request(verb, address, **arguments)
         except (httpx.TransportError, httpx.InvalidURL) as error:
-            sentence = next(text for kind, text in _TROUBLE.items() if isinstance(error, kind))
+            key = next(key for kind, key in _TROUBLE.items() if isinstance(error, kind))
             reason = str(error) or type(error).__name__
-            raise ClientError(sentence.format(server=self.server, reason=reason)) from error
+            raise ClientError(say(key, server=self.server, reason=reason)) from error
         if (
             answer.next_request is not None
         ):  # not followed: who asked named this server, and the key is for it
-            raise ClientError(
-                f"The service at {self.server} sends on to {answer.next_request.url}. Name the address that it is to "
-                "be asked at by --server or VERSANT_SERVER."
-            )
+            raise ClientError(say("client.sends_on", server=self.server, address=answer.next_request.url))
         if answer.is_error:
             raise self._refusal(answer)
         return answer
@@ -265,14 +248,16 @@ class Client:
         """The sentence of a problem document, or the bare status of anything else; of keys what to do."""
         try:
             problem = answer.json()
-            detail, kind = str(problem["detail"]), str(problem.get("type", "")).rpartition("/")[2]
+            detail = with_key(str(problem["detail"]), problem.get("said"))
+            kind = str(problem.get("type", "")).rpartition("/")[2]
         except (ValueError, KeyError, TypeError):
             reason = f"{answer.status_code} {answer.reason_phrase}"
-            return ClientError(f"The service answered {reason} to {answer.request.url}.")
+            return ClientError(say("client.answered", reason=reason, address=answer.request.url))
         if kind == "unauthorized":
-            return RefusedKeyError((_WRONG_KEY if self._key else _NO_KEY).format(server=self.server))
+            key = "client.wrong_key" if self._key else "client.no_key"
+            return RefusedKeyError(say(key, server=self.server))
         if kind == "forbidden":
-            return RefusedKeyError(_SMALL_KEY.format(detail=detail))
+            return RefusedKeyError(say("client.small_key", detail=detail))
         return ClientError(detail)
 
 
@@ -314,13 +299,9 @@ def check_address(server: str) -> None:
     try:
         url = httpx.URL(server)
     except httpx.InvalidURL as error:
-        raise ClientError(
-            f"{server!r} is no address: {error}. Write it as http://host:port or https://host."
-        ) from error
+        raise ClientError(say("client.no_address", server=server, reason=error)) from error
     if url.scheme not in {"http", "https"} or not url.host:
-        raise ClientError(
-            f"{server!r} is no address of a service. Write it as http://host:port or https://host."
-        )
+        raise ClientError(say("client.no_service", server=server))
 
 
 def is_local(server: str) -> bool:

@@ -30,6 +30,8 @@ from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from pydantic import BaseModel
 
 import fusion
+from app.cli.console import spoken
+from app.core.messages import say
 from fusion.catalogue import METHODS, POSITIONINGS
 from fusion.compiled import cache_folder
 from fusion.errors import FusionError
@@ -273,7 +275,8 @@ def _mark(*, first: bool) -> Path | None:
 def _tell(name: str, number: int, of: int) -> None:
     end = "\r" if sys.stderr.isatty() and number < of else "\n"
     if end == "\r" or number in {1, of} or number % 10 == 0:
-        print(f"Compiling, {number} of {of}: {name:40}", end=end, file=sys.stderr, flush=True)  # noqa: T201
+        line = spoken(say("compile.at", n=number, all=of, name=f"{name:40}"))
+        print(line, end=end, file=sys.stderr, flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -26,8 +26,9 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from app.core.messages import say
 from app.core.text import whole_file
-from fusion.messages import message_of, term, text_in
+from fusion.messages import message_of, speaking, told
 
 if TYPE_CHECKING:
     from fusion.types import Progress as ProgressCall
@@ -69,13 +70,18 @@ class Console:
         self, columns: Sequence[str], rows: Sequence[Sequence[Any]], *, title: str | None = None
     ) -> None:
         """Print a table on standard output; numbers to the right, unknown figures as a dash."""
-        table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+        table = Table(
+            title=title and spoken(title), title_justify="left", box=None, pad_edge=False, header_style="bold"
+        )
         for k, name in enumerate(columns):
             numeric = any(isinstance(row[k], int | float) for row in rows)
             # Figures and file names stay whole; a sentence is folded rather than cut.
             longest = max((len(figure(row[k])) for row in rows), default=0)
             table.add_column(
-                name, justify="right" if numeric else "left", no_wrap=longest <= SHORT_CELL, overflow="fold"
+                spoken(name),
+                justify="right" if numeric else "left",
+                no_wrap=longest <= SHORT_CELL,
+                overflow="fold",
             )
         for row in rows:
             table.add_row(*(figure(value) for value in row))
@@ -123,12 +129,12 @@ class Bars:
 
     def work(self, name: str) -> ProgressCall:
         """A new bar, driven by ``Progress`` calls, which count from 0 to 1 over all of the work (``part_of``)."""
-        task = self._bars.add_task(name, total=1.0, stage="")
-        return lambda stage, share: self._bars.update(task, completed=share, stage=spoken_term(stage))
+        task = self._bars.add_task(spoken(name), total=1.0, stage="")
+        return lambda stage, share: self._bars.update(task, completed=share, stage=spoken(stage))
 
     def count(self, name: str, total: int) -> Callable[[int], None]:
         """A new bar over ``total`` units; call it with how many more are done."""
-        task = self._bars.add_task(name, total=max(total, 1), stage="")
+        task = self._bars.add_task(spoken(name), total=max(total, 1), stage="")
         return lambda units: self._bars.update(task, advance=units)
 
 
@@ -158,7 +164,8 @@ class Lines(Bars):
         if self._clock() - self._said_s < QUIET_S:
             return
         self._said_s = self._clock()
-        typer.echo(f"{name}: {min(share, 1.0):.0%}{f', {stage}' if stage else ''}", err=True)
+        doing = f", {spoken(stage)}" if stage else ""
+        typer.echo(f"{spoken(name)}: {min(share, 1.0):.0%}{doing}", err=True)
 
 
 def part_of(progress: ProgressCall, start: float, end: float) -> ProgressCall:
@@ -181,8 +188,12 @@ def figure(value: Any) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "–"
     if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+        return spoken("yes" if value else "no")
+    return (
+        spoken(say("cli.figure", value=value) if isinstance(value, float) else value)
+        if isinstance(value, float | str)
+        else str(value)
+    )
 
 
 def write_json(path: Path | None, figures: Any) -> None:
@@ -206,11 +217,11 @@ def sentence(error: BaseException) -> str:
         return _one_line(message_of(error))
     if isinstance(error, OSError) and error.strerror:
         where = f"{error.filename}: " if error.filename else ""
-        return _one_line(f"{where}{error.strerror}.")
+        return _one_line(say("cli.system", where=where, error=error.strerror))
     if type(error).__module__.startswith(("sqlalchemy", "psycopg")):
         cause = getattr(error, "orig", None) or error
-        return _one_line(f"The database cannot be used: {str(cause).strip() or type(cause).__name__}")
-    return _one_line(f"Internal error, {type(error).__name__}: {error}. Run again with --debug to see where.")
+        return _one_line(say("cli.database", reason=str(cause).strip() or type(cause).__name__))
+    return _one_line(say("cli.internal", kind=type(error).__name__, error=error))
 
 
 def _one_line(text: str) -> str:
@@ -224,18 +235,12 @@ def language() -> str:
     return "de" if re.match(r"de(?:_|\.|$)", locale) else "en"
 
 
+def tell(key: str, **parameters: Any) -> None:
+    """Say a sentence of the catalogue on standard output, in the person's language."""
+    typer.echo(spoken(say(key, **parameters)))
+
+
 def spoken(text: str) -> str:
-    """A sentence of the program in the person's language."""
-    return text if language() == "en" else text_in(_with_words(), text)
-
-
-def spoken_term(text: str) -> str:
-    """A fixed word of the program, such as a stage, in the person's language."""
-    return text if language() == "en" else term(_with_words(), text)
-
-
-def _with_words() -> str:
-    """The person's language, with the service's words loaded."""
-    import app.core.messages  # noqa: F401 - adds its catalogues
-
-    return language()
+    """A sentence, or a fixed word or phrase, of the program in the person's language."""
+    with speaking(language()):
+        return told(text)

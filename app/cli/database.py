@@ -12,6 +12,7 @@ from app.core import migrate
 from app.core.background import lower_priority
 from app.core.databases import require_reachable
 from app.core.db import Sessions, make_engine, session_factory
+from app.core.messages import say
 from app.core.settings import Settings, load_settings
 from app.core.telemetry.ledger import counting
 from app.core.telemetry.logs import begin_logging
@@ -88,11 +89,8 @@ def see_to_cluster(settings: Settings, make: Console | None = None) -> None:
     if settings.database_url is not None or has_cluster(settings.data_dir):
         return
     if make is None:
-        raise NothingHereError(
-            f"There is no Versant database in {settings.data_dir}. `versant up --data-dir {settings.data_dir}` or "
-            "`versant import-roads` makes one; --data-dir or VERSANT_DATA_DIR names the folder of one that is there."
-        )
-    make.note(f"There is no database in {settings.data_dir} yet: a new one is made.")
+        raise NothingHereError(say("cli.no_database", folder=settings.data_dir))
+    make.note(say("cli.new_database", folder=settings.data_dir))
 
 
 @contextmanager

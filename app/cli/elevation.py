@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from app.cli.console import Console, write_json
+from app.cli.console import Console, spoken, tell, write_json
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag
+from app.core.messages import say
 from fusion.errors import TerrainError
+from fusion.messages import message_of
 
 if TYPE_CHECKING:
     from app.core.settings.places import FilePlace
@@ -77,7 +79,7 @@ def priority(
     console: Console = ctx.obj
     with sessions(data_dir) as (settings, factory), console.progress() as bars:
         active = rank_dem(factory, name, number, settings.dem_dir, bars.work(name))
-    typer.echo(f"{name} has priority {number}. Heights of the segments under it are renewed. {_ADVICE}")
+    tell("elevation.priority", name=name, number=number, advice=_ADVICE)
     ranks = {source.name: source.priority for source in active.sources} if active else {}
     write_json(json_file, {"priorities": ranks})
 
@@ -112,27 +114,29 @@ def remove(
             gone = chosen(former, names)
             remaining = [source for source in former if source not in gone]
             effect = effect_of_removal(session, gone, remaining)
-        typer.echo(_describe_effect(gone, remaining, effect))
+        typer.echo(spoken(_describe_effect(gone, remaining, effect)))
         if not dry_run:
             _confirm(effect, yes)
             with console.progress() as bars:
                 remove_dem(factory, names, settings.dem_dir, bars.work("elevation"))
-            typer.echo(f"Removed: {', '.join(source.name for source in gone)}. {_ADVICE}")
+            tell("elevation.removed", names=", ".join(source.name for source in gone), advice=_ADVICE)
     figures = {"removed": [s.name for s in gone], "left": [s.name for s in remaining], "dry_run": dry_run}
     write_json(json_file, figures | asdict(effect))
 
 
-_ADVICE = (
-    "Drives computed before are stale (`versant drives reprocess --stale`); `versant settle` lets the network as a "
-    "whole take the change into account."
-)
+_ADVICE = say("elevation.advice")
 
 
 def _describe_effect(gone: Sequence[DemSource], remaining: Sequence[DemSource], effect: Effect) -> str:
     names = ", ".join(source.name for source in gone)
-    return (
-        f"Under {names} lie {effect.segments} segments, {effect.measured} of them measured, and {effect.drives} "
-        f"drives. {effect.bare} measured segments lie under no other raster ({len(remaining)} left)."
+    return say(
+        "elevation.under",
+        names=names,
+        segments=effect.segments,
+        measured=effect.measured,
+        drives=effect.drives,
+        bare=effect.bare,
+        left=len(remaining),
     )
 
 
@@ -140,10 +144,8 @@ def _confirm(effect: Effect, yes: bool) -> None:
     if yes or not effect.bare:
         return
     if not sys.stdin.isatty():
-        raise TerrainError(
-            f"Nothing is removed: {effect.bare} measured segments would be left without elevation. --yes does it."
-        )
-    typer.confirm("Remove nevertheless?", abort=True)
+        raise TerrainError(say("elevation.nothing_removed", n=effect.bare))
+    typer.confirm(spoken(say("elevation.remove_ask")), abort=True)
 
 
 def _facts(source: DemSource, dem_dir: FilePlace) -> dict[str, Any]:
@@ -165,7 +167,7 @@ def _facts(source: DemSource, dem_dir: FilePlace) -> dict[str, Any]:
             facts |= {"posting_m": max(dem.postings_m[0]), "datum": dem.datum}
             facts["mib"] = path.stat().st_size / _MIB
     except TerrainError as error:
-        facts["problem"] = str(error)
+        facts["problem"] = message_of(error)
     return facts
 
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import app.cli.options as cli
-from app.cli.console import Console, write_json
+from app.cli.console import Console, spoken, write_json
+from app.core.messages import say
 
 if TYPE_CHECKING:
     from app.exports.making import Request
@@ -60,9 +61,7 @@ def export(
     filters = {"bbox": box, "region": region, "driven": driven, "gaps": gaps}
     request = _request_for(out, form, option, filters)
     if request is None and map_file is None:
-        raise typer.BadParameter(
-            "nothing is asked for: name a file by -o, or a map by --map.", param_hint="-o"
-        )
+        raise typer.BadParameter(spoken(say("export.nothing_asked")), param_hint="-o")
     cli.usable_map(map_file, scale)
     figures, sentences = dict[str, Any](), list[str]()
     with (
@@ -80,8 +79,8 @@ def export(
             figures |= {"file": str(out), "format": request.format.name, request.format.holds: written.count}
             figures |= {"data_version": written.state.version, "notes": list(written.notes)}
             for note in written.notes:
-                console.note(f"{out}: {note}")
-            sentences.append(f"{out}: {written.count} {request.format.holds}.")
+                console.note(say("cli.of_file", file=out, note=note))
+            sentences.append(say("export.written", file=out, n=written.count, what=request.format.holds))
         if map_file is not None:
             from app.map.picture.files import map_of_store
 
@@ -93,10 +92,10 @@ def export(
             )
             figures |= {"map": str(map_file), "segments_drawn": drawn}
             for note in notes:
-                console.note(f"{map_file}: {note}")
-            sentences.append(f"{map_file}: map of {drawn} segments.")
+                console.note(say("cli.of_file", file=map_file, note=note))
+            sentences.append(say("export.map", file=map_file, n=drawn))
     for sentence in sentences:
-        typer.echo(sentence)
+        typer.echo(spoken(sentence))
     write_json(json_file, figures)
 
 
@@ -109,9 +108,7 @@ def _request_for(
 
     if out is None:
         if form is not None or option:
-            raise typer.BadParameter(
-                "it is the format of a file, and no file is asked for by -o.", param_hint="--as"
-            )
+            raise typer.BadParameter(spoken(say("export.format_of")), param_hint="--as")
         return None
     with cli.naming("--as" if form is not None else "--out"):
         output_format = format_for(out, form)

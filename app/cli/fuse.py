@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import app.cli.options as cli
-from app.cli.console import Bars, Console, write_json
+from app.cli.console import Bars, Console, spoken, write_json
+from app.core.messages import say
 from app.core.text import whole_file
 from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
@@ -106,10 +107,10 @@ def fuse(
         )
     elif fusion.fused and out is not None:
         write_segments(features, out, source=source, height_datum=datum)
-        console.note(f"{out}: {len(features)} segments from {len(fusion.fused)} of {len(drives)} logs.")
+        console.note(say("fuse.written", file=out, n=len(features), logs=len(fusion.fused), all=len(drives)))
     if fusion.fused and map_file is not None:
         _map(fusion, features, map_file, source, scale)
-        console.note(f"{map_file}: map of the slopes.")
+        console.note(say("fuse.map", file=map_file))
     for number, one in enumerate(fusion.fused, 1):
         _pictures(one, number if len(fusion.fused) > 1 else None, profile, track, console)
     figures = {"method": method, "segments": len(features), "height_datum": datum}
@@ -123,7 +124,7 @@ def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
     more = [path for path in logs if dem and path.name.lower().removesuffix(".gz").endswith(RASTER_SUFFIXES)]
     rest = [path for path in logs if path not in more]
     if not rest:
-        raise typer.BadParameter("no log is named, only elevation rasters.", param_hint="LOG...")
+        raise typer.BadParameter(spoken(say("fuse.no_log")), param_hint="LOG...")
     return rest, dem + more
 
 
@@ -133,8 +134,8 @@ def _one(fusion: Fusion, source: cli.LogFiles, console: Console, bars: Bars) -> 
     try:
         earlier = fusion.earlier_copy(source)
         if earlier is not None:
-            console.note(f"{source.name}: the same bytes as {earlier}, counted once.")
-            return _without_result(source, "repeated", f"the same bytes as {earlier}")
+            console.note(say("fuse.repeated", name=source.name, earlier=earlier))
+            return _without_result(source, "repeated", say("fuse.same", earlier=earlier))
         return outcome_of(fusion.add(source, bars.work(source.short_name)))
     except (FusionError, OSError) as error:
         if console.debug:
@@ -165,7 +166,7 @@ def _map(fusion: Fusion, features: Sequence[Segment], path: Path, source: str, s
     from app.map.picture.files import map_of_segments
 
     count = len(fusion.fused)
-    title = f"Slopes from {fusion.fused[0].source.short_name if count == 1 else f'{count} drives'}"
+    title = spoken(say("fuse.title", n=count, name=fusion.fused[0].source.short_name))
     map_of_segments(
         path, features, fusion.roads, fusion.surroundings(), title=title, source=source, scale=scale
     )
@@ -191,12 +192,12 @@ def _pictures(
         figure = profile_figure(columns, title, one.result.measurements, datum=datum)
         with whole_file(path) as partial:
             partial.write_bytes(written(figure, picture_format(path)))
-        console.note(f"{path}: profile of {one.source.short_name}.")
+        console.note(say("fuse.profile", file=path, name=one.source.short_name))
     if track is not None:
         path = _numbered(track, number, one.source)
         with whole_file(path) as partial, partial.open("w", encoding="utf-8") as file:
             file.writelines(track_chunks(estimated, estimated.segment, {"attribution": attribution()}))
-        console.note(f"{path}: track of {one.source.short_name}.")
+        console.note(say("fuse.track", file=path, name=one.source.short_name))
 
 
 def _numbered(path: Path, number: int | None, source: cli.LogFiles) -> Path:

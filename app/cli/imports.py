@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from app.cli.console import Console, spoken, write_json
+from app.cli.console import Console, spoken, tell, write_json
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
 
 if TYPE_CHECKING:
@@ -74,12 +74,9 @@ def list_regions(data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON
     with sessions(data_dir) as (_, factory), factory() as session:
         regions = region_figures(session)
     for one in regions:
-        typer.echo(
-            f"{one.name}: {one.segments} segments, {one.measured} of them measured; from {one.source_name}, "
-            f"{one.imported_at:%Y-%m-%d %H:%M} UTC."
-        )
+        tell("regions.one", **asdict(one) | {"imported_at": f"{one.imported_at:%Y-%m-%d %H:%M}"})
     if not regions:
-        typer.echo("There are no regions yet. Import one with `versant import-roads FILE`.")
+        tell("regions.none")
     figures = [asdict(one) | {"imported_at": one.imported_at.isoformat()} for one in regions]
     write_json(json_file, {"regions": figures})
 
@@ -120,7 +117,7 @@ def _change_roads(
         if not dry_run:
             queue_touched(factory)
     seconds = time.perf_counter() - started
-    typer.echo(f"{what}: {spoken(summary(counts))} in {seconds:.1f} s.")
+    tell("cli.took", what=what, summary=summary(counts), seconds=seconds)
     for line in remarks(counts):
         typer.echo(spoken(line))
     figures = {**asdict(counts), "segments": counts.segments, "seconds": round(seconds, 3)}
@@ -173,18 +170,12 @@ def import_dem(
     seconds = time.perf_counter() - started
     lonely = sorted({one.name for one in stored} - set(covering))
     with_quality = [path.name for path, quality in pair(active.paths) if quality is not None]
-    plural = "s" * (len(active.names) != 1)
-    typer.echo(
-        f"The terrain consists of {len(active.names)} raster{plural}, heights above {active.datum}: "
-        f"{', '.join(active.names)} ({seconds:.1f} s)."
-    )
+    names = {"n": len(active.names), "names": ", ".join(active.names)}
+    tell("elevation.terrain", **names, datum=active.datum, seconds=seconds)
     if with_quality:
-        typer.echo(f"With a quality layer (option dem_min_quality): {', '.join(with_quality)}.")
+        tell("elevation.quality", names=", ".join(with_quality))
     if lonely:
-        typer.echo(
-            f"Warning: no road that is imported lies under {', '.join(lonely)}. Check the place, or import the roads "
-            "there; until then it changes nothing."
-        )
+        tell("elevation.lonely", names=", ".join(lonely))
     figures = {
         "rasters": active.names,
         "datum": active.datum,
@@ -220,12 +211,9 @@ def import_control(
     points = read_control(file)
     with sessions(data_dir) as (_, factory), console.progress() as bars:
         counts = import_points(factory, points, replace=replace, progress=bars.work(file.name))
-    typer.echo(
-        f"{file.name}: {counts.added} points added, {counts.changed} changed, {counts.unchanged} as they were, "
-        f"{counts.removed} removed; {counts.segments} segments solved again."
-    )
+    tell("control.added", file=file.name, **asdict(counts))
     if counts.without_road:
-        typer.echo(f"{counts.without_road} points lie more than 20 m from any road and wait for one.")
+        tell("control.without_road", n=counts.without_road)
     write_json(json_file, {"file": str(file), **asdict(counts)})
 
 
@@ -251,13 +239,13 @@ def settle(
     if by_workers:
         with sessions(data_dir) as (_, factory):
             cells = leave_to_workers(factory, SETTLE_AFTER_S)
-        typer.echo(f"{cells} cells wait for the workers.")
+        tell("settle.cells", n=cells)
         write_json(json_file, {"cells": cells})
         return
     with sessions(data_dir) as (_, factory), console.progress() as bars:
         segments = settle_network(factory, bars.work("network"))
     seconds = time.perf_counter() - started
-    typer.echo(f"{segments} segments of the network in {seconds:.1f} s.")
+    tell("settle.done", n=segments, seconds=seconds)
     write_json(json_file, {"segments": segments, "seconds": round(seconds, 3)})
 
 
@@ -270,12 +258,9 @@ def show(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path |
     with sessions(data_dir) as (_, factory), factory() as session:
         rows, classes = repeat_rows(session), device_classes(session)
     for row in rows:
-        typer.echo(
-            f"{row['kind']:10} {row['group']:24} rms z {row['rms_z']:5.2f}, {row['inside_share']:4.0%} inside; "
-            f"{row['pairs']} pairs of {row['drive_pairs']} pairs of drives."
-        )
+        tell("repeats.row", **row | {"kind": f"{row['kind']:10}", "group": f"{row['group']:24}"})
     if not rows:
-        typer.echo("No segment has been driven twice yet.")
+        tell("repeats.none")
     _tell(classes)
     write_json(json_file, {"repeats": rows, "classes": _plain(classes)})
 
@@ -318,11 +303,8 @@ def _tell(classes: list[dict[str, Any]]) -> None:
     from app.network.widenings import sentence
 
     for one in classes:
-        typer.echo(
-            f"{one['name']}: sigmas too small by {one['learned']:.2f} +- {one['sigma']:.2f} "
-            f"({one['drive_pairs']} pairs of drives), multiplied by {one['applied']:.2f}."
-        )
-    typer.echo(sentence(classes))
+        tell("repeats.class", **one)
+    typer.echo(spoken(sentence(classes)))
 
 
 def _plain(classes: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -37,6 +37,7 @@ from app.cli.children import (
 )
 from app.cli.console import Console
 from app.core.background import lower_priority
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.telemetry.logs import begin_logging
 from app.core.telemetry.tracing import begin_tracing, end_tracing
@@ -189,10 +190,7 @@ def serve(settings: Settings, console: Console, prepare: Callable[[Settings], ob
     """
     watch, can_compile = ParentWatch(), compiling.can_be_kept()
     if can_compile and not compiling.is_compiled(first=True):
-        console.note(
-            "The numerical code is compiled, once: the first drives wait a minute for it. "
-            "Other methods follow in the background."
-        )
+        console.note(say("up.compiled"))
         with _compiler("--first", "--processes", "2") as process:
             while process.poll() is None:
                 watch.look_after(console)  # which may end this

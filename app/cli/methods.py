@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from app.cli.console import Console, write_json
+from app.cli.console import Console, spoken, tell, write_json
 from app.cli.options import JSON_FILE, arg
+from app.core.messages import say
 from fusion.registry import DEFAULT_METHOD
 
 if TYPE_CHECKING:
@@ -62,7 +63,8 @@ def catalogue() -> dict[str, Any]:
             for name, method in METHODS.items()
         },
         "formats": {
-            name: f"{item.description} ({', '.join(item.suffixes)})" for name, item in FORMATS.items()
+            name: say("methods.format", what=item.description, suffixes=", ".join(item.suffixes))
+            for name, item in FORMATS.items()
         },
         "windows": {name: item.description for name, item in WINDOWS.items()},
         "resamplers": {
@@ -71,9 +73,7 @@ def catalogue() -> dict[str, Any]:
         "triggers": {name: item.description for name, item in TRIGGERS.items()},
         "positionings": {name: item.description for name, item in POSITIONINGS.items()},
         "outputs": {item.suffixes[0]: item.description for item in SEGMENT_FORMATS.values()},
-        "receivers": {
-            name: f"simulated, {item.h_acc_m:g} m stated horizontally" for name, item in RECEIVERS.items()
-        },
+        "receivers": {name: say("methods.receiver", metres=item.h_acc_m) for name, item in RECEIVERS.items()},
     }
 
 
@@ -86,9 +86,9 @@ def options(method: Method) -> dict[str, dict[str, Any]]:
 
 def _show(console: Console, name: str, method: Method) -> None:
     default = "  (default)" if name == DEFAULT_METHOD else ""
-    typer.echo(f"{name}{default}: {method.description}")
-    typer.echo(f"  source: {method.source}")
-    typer.echo(f"  needs:  {'; '.join(method.needs)}")
+    tell("methods.one", name=name, default=default, what=method.description)
+    tell("methods.source", source=method.source)
+    tell("methods.needs", needs="; ".join(map(spoken, method.needs)))
     rows = [
         [f"  {option}", _plain(o["default"]), o["allowed"], o["description"]]
         for option, o in options(method).items()

@@ -13,7 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from app.cli.console import spoken
+from app.core.messages import say
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
+from fusion.messages import message_of
 from fusion.registry import check_columns
 
 if TYPE_CHECKING:
@@ -27,7 +30,7 @@ if TYPE_CHECKING:
 def in_a_folder(path: Path | None) -> Path | None:
     """Callback of an option that names a file to write: refuses it now if its folder is missing."""
     if path is not None and not path.parent.is_dir():
-        raise typer.BadParameter(f"{path} cannot be written: there is no folder {path.parent}.")
+        raise typer.BadParameter(spoken(say("options.no_folder", path=path, folder=path.parent)))
     return path
 
 
@@ -163,7 +166,7 @@ def sorted_drives(
 ) -> list[LogFiles]:
     """Each path a drive, but a folder or a zip as many as are in it, which is said; or all of them one."""
     if together and apart:
-        raise typer.BadParameter("--together and --apart contradict each other.", param_hint="'--apart'")
+        raise typer.BadParameter(spoken(say("options.contradict")), param_hint="'--apart'")
     drives = drives_of(paths, together)
     return drives if together else [one for named in drives for one in _in_it(named, console, apart, columns)]
 
@@ -187,18 +190,17 @@ def _in_it(
         console.warn(named.name, [unclear_words([found.files[k].name for k in doubt.files], doubt.why)])
     if len(found.grouping.drives) < 2:
         return [named]
-    console.note(f"{named.name}: {len(found.grouping.drives)} drives.")
-    console.warn(named.name, (f"{name} was left out. {reason}" for name, reason in found.left_out))
+    console.note(say("logs.drives", name=named.name, n=len(found.grouping.drives)))
+    console.warn(
+        named.name, (say("logs.left_out", name=name, reason=reason) for name, reason in found.left_out)
+    )
     return [LogFiles(named.paths, tuple(found.files[k] for k in drive)) for drive in found.grouping.drives]
 
 
 def unclear_words(files: Sequence[str], why: str) -> str:
     """What is said of files that were taken for one drive and could be several."""
     reason = "go on where the one before ended" if why == "continues" else "have positions of the same time"
-    return (
-        f"{', '.join(files)} {reason}, and are taken for one drive. If they are several, say --apart; --together ends "
-        "the doubt."
-    )
+    return say("logs.unclear", files=", ".join(files), why=reason)
 
 
 def _digest(path: Path) -> str:
@@ -221,13 +223,11 @@ def parse_box(text: str | None) -> Bounds | None:
         west, south, east, north = (float(part) for part in text.split(","))
     except ValueError:
         raise typer.BadParameter(
-            f"{text!r} is not WEST,SOUTH,EAST,NORTH in degrees, such as 8.46,48.95,8.50,48.99.",
+            spoken(say("options.box", text=text)),
             param_hint="'--bbox'",
         ) from None
     if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
-        raise typer.BadParameter(
-            f"{text!r} must have WEST < EAST within ±180 and SOUTH < NORTH within ±90.", param_hint="'--bbox'"
-        )
+        raise typer.BadParameter(spoken(say("options.box_order", text=text)), param_hint="'--bbox'")
     return west, south, east, north
 
 
@@ -237,7 +237,7 @@ def naming(option: str) -> Iterator[None]:
     try:
         yield
     except (UnknownNameError, BadOptionsError) as error:
-        raise typer.BadParameter(str(error), param_hint=f"'{option}'") from error
+        raise typer.BadParameter(spoken(message_of(error)), param_hint=f"'{option}'") from error
 
 
 def _pairs(texts: Sequence[str] | None, option: str, form: str) -> Iterator[tuple[str, str]]:
@@ -245,13 +245,15 @@ def _pairs(texts: Sequence[str] | None, option: str, form: str) -> Iterator[tupl
     for text in texts or ():
         name, equals, value = text.partition("=")
         if not name or not equals:
-            raise typer.BadParameter(f"{text!r} is not {form}.", param_hint=f"'{option}'")
+            raise typer.BadParameter(
+                spoken(say("options.not_form", text=text, form=form)), param_hint=f"'{option}'"
+            )
         yield name, value
 
 
 def parse_columns(texts: Sequence[str] | None) -> dict[str, str]:
     """``name=header`` each, a column of ours and what it is called; raises ``typer.BadParameter``."""
-    pairs = _pairs(texts, "--columns", "NAME=HEADER, such as alt_msl_m=Altitude")
+    pairs = _pairs(texts, "--columns", say("options.form_header"))
     columns = {name.strip(): header.strip() for name, header in pairs}
     with naming("--columns"):
         check_columns(columns)
@@ -261,7 +263,7 @@ def parse_columns(texts: Sequence[str] | None) -> dict[str, str]:
 def parse_assignments(texts: Sequence[str] | None, option: str) -> dict[str, Any]:
     """``name=value`` each: numbers, true and false as such, else text; raises ``typer.BadParameter``."""
     options: dict[str, Any] = {}
-    form = "NAME=VALUE, such as particles=20000; `versant methods` lists the names"
+    form = say("options.form_value")
     for name, value in _pairs(texts, option, form):
         try:
             options[name] = json.loads(value)
@@ -305,7 +307,7 @@ def usable_options(
 def usable_map(path: Path | None, scale: float | None) -> None:
     """Refuse, before any work, a suffix that no picture has, and a scale without a map."""
     if path is None and scale is not None:
-        raise typer.BadParameter("it is the scale of a map, and no --map is asked for.", param_hint="--scale")
+        raise typer.BadParameter(spoken(say("options.scale_of")), param_hint="--scale")
     usable_picture(path, "--map")
 
 

@@ -12,8 +12,9 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Bars, Console, spoken, write_json
+from app.core.messages import say
 from fusion.errors import FusionError
-from fusion.messages import remarks_of
+from fusion.messages import message_of, remarks_of
 
 if TYPE_CHECKING:
     from app.cli.client import Client, RemoteDrive, Sent
@@ -76,7 +77,7 @@ def upload(
     if columns:
         options["columns"] = cli.parse_columns(columns)
     if together and apart:
-        raise typer.BadParameter("--together and --apart contradict each other.", param_hint="'--apart'")
+        raise typer.BadParameter(spoken(say("options.contradict")), param_hint="'--apart'")
     grouping = "one" if together else "apart" if apart else None
     computation = {"method": method, "options": options, "gnss": gnss, "grouping": grouping}
     sources = cli.drives_of(files, together)
@@ -111,11 +112,11 @@ def service_client(server: str | None, key: str | None = None, data_dir: Path | 
         check_address(address)
         return Client(address, key=key or _key_of(settings, address))
     except BadKeyError as error:
-        raise typer.BadParameter(str(error), param_hint="'--key' or VERSANT_KEY") from error
+        raise typer.BadParameter(spoken(message_of(error)), param_hint="'--key' or VERSANT_KEY") from error
     except ClientError as error:
         if server is None:
             raise
-        raise typer.BadParameter(str(error), param_hint="'--server'") from error
+        raise typer.BadParameter(spoken(message_of(error)), param_hint="'--server'") from error
 
 
 def _key_of(settings: Settings, address: str) -> str | None:
@@ -181,7 +182,7 @@ class Upload:
 
 def shown_status(status: str, waits_for: Mapping[str, Any] | None) -> str:
     """A drive's status for people: one that failed for want of roads waits for them."""
-    return f"waits for {waits_for['kind']}" if waits_for else status
+    return say("drives.waits_for", what=waits_for["kind"]) if waits_for else spoken(status)
 
 
 def _send(
@@ -198,7 +199,9 @@ def _send(
 
     try:
         files = source.files()
-        advance = bars.count(f"sending {source.short_name}", sum(path.stat().st_size for path in files))
+        advance = bars.count(
+            say("stage.sending", name=source.short_name), sum(path.stat().st_size for path in files)
+        )
         sent = client.send(*files, **computation, sent=advance)
     except RefusedKeyError:
         raise  # said once, not per file
@@ -211,7 +214,9 @@ def _send(
     for document in sent.documents:
         doubts = document.get("unclear") or []
         console.warn(source.name, (cli.unclear_words(doubt["files"], doubt["why"]) for doubt in doubts))
-    console.warn(source.name, (f"{one['file']} was left out. {one['reason']}" for one in sent.left_out))
+    console.warn(
+        source.name, (say("logs.left_out", name=one["file"], reason=one["reason"]) for one in sent.left_out)
+    )
     return uploads
 
 
@@ -234,7 +239,7 @@ def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
 
     if one.drive is None:
         return
-    show = bars.work(f"fusing {one.name}")
+    show = bars.work(say("stage.fusing", name=one.name))
     one.drive = client.wait(one.drive.id, seen=shown(show))
     one.reason = one.drive.reason
     if one.drive.status == "done":
@@ -249,7 +254,7 @@ def _tell_failed(one: Upload, console: Console) -> None:
     """Say why nothing came of a drive; that it waits for something is no complaint."""
     reason = spoken(one.reason or one.status)
     if one.waits_for:
-        console.warn(one.name, [f"{shown_status('failed', one.waits_for)}. {reason}"])
+        console.warn(one.name, [say("cli.two", first=shown_status("failed", one.waits_for), second=reason)])
     else:
         console.complain(f"{one.name}: {reason}")
 
@@ -257,8 +262,9 @@ def _tell_failed(one: Upload, console: Console) -> None:
 def _tell(one: Upload, console: Console) -> None:
     """Say what came of a drive, what a person should know of it, and where it can be seen."""
     figures = one.figures()
-    console.note(figures["summary"] or f"{one.name}: done.")
+    console.note(figures["summary"] or say("drives.done", name=one.name))
     console.warn(one.name, figures["warnings"])
     where = [address for address in (figures["address"], figures["profile"]) if address]
     if where:
-        console.note(f"{one.name}: see {' and its profile '.join(where)}")
+        key = "drives.see" if len(where) == 1 else "drives.see_both"
+        console.note(say(key, name=one.name, where=where[0], profile=where[-1]))

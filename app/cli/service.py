@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from app.cli.console import Console, LogConsole
+from app.cli.console import Console, LogConsole, spoken
 from app.cli.options import DATA_DIR, flag, opt
+from app.core.messages import say
 
 if TYPE_CHECKING:
     from app.cli.supervisor import Service
@@ -48,14 +49,14 @@ def up(
     settings = settings_for(data_dir, port=port, host=host)
     console = _voice(ctx, settings, "supervisor")
     with stop_signals():
-        console.note(f"Starting in {settings.data_dir} ...")
+        console.note(say("up.starting", folder=settings.data_dir))
         with open_cluster(settings) as cluster:
             ready = settings.model_copy(update={"database_url": cluster.url})
             token = first_link(ready)
             with Service(ready, console, cluster=cluster) as service:
                 typer.echo("\n".join(welcome(service, settings, token)))
                 service.serve_forever()
-    console.note("Stopped.")
+    console.note(say("up.stopped"))
 
 
 @app.command("api")
@@ -91,7 +92,7 @@ def api(
             see_to_key(ready)
         number = free_port(ready)
         if not with_parent:
-            console.note(f"Versant's API listens on {ready.host}:{number}. {reach(ready)}")
+            console.note(say("up.listens", host=ready.host, port=number, reach=reach(ready)))
         application = create_app(ready)
         stay_loaded()
         uvicorn.run(
@@ -151,7 +152,7 @@ def migrate(
         logging.basicConfig(level=logging.WARNING, format="%(message)s")
         migrations.upgrade(ready.session_url, finish=finish)
         revision = migrations.standing_of(ready.session_url).revision
-    console.note(f"The database is at revision {revision}.")
+    console.note(say("migrate.at", revision=revision))
 
 
 def _require_database(settings: Settings, *, migrated: bool) -> None:
@@ -187,13 +188,14 @@ def welcome(service: Service, settings: Settings, token: str | None) -> list[str
     opened = f"{service.address}/map"
     if token is not None:
         again = f"versant keys link {home} {server}"
-        opened = f"{login_address(service.address, token)}  (logs one browser in, once; again: {again})"
-    return [
-        f"Versant is ready at {service.address}  (described at {service.address}/docs)",
-        f"The map: {opened}",
+        opened = say("up.link", address=login_address(service.address, token), again=again)
+    lines = [
+        say("up.ready", address=service.address, docs=service.address),
+        say("up.map", opened=opened),
         reach(settings),
         f"  versant import-roads {home} FILE.osm.pbf",
         f"  versant import-dem {home} FILE...",
         f"  versant upload {server} {home} --wait LOG...",
-        "Ctrl-C stops it.",
+        say("up.stops"),
     ]
+    return [spoken(line) for line in lines]

@@ -13,6 +13,7 @@ import httpx
 
 from app.cli.children import LONGEST_PAUSE_S, Child, Children, child_environment, versant, workers
 from app.cli.console import Console, sentence
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.settings.access import is_loopback
 from app.embedded.cluster import EmbeddedPostgres
@@ -47,16 +48,11 @@ class DatabaseWatch:
             return
         try:
             if self.cluster.revive():
-                console.complain(
-                    f"PostgreSQL ended by itself and was started again; {self.cluster.log_path} may say why."
-                )
+                console.complain(say("up.database_again", log=self.cluster.log_path))
             self.pause_s = _DATABASE_LOOK_EVERY_S
         except Exception as error:  # whatever it is, API and worker are to go on as soon as it is over
             self.pause_s = min(self.pause_s * 2, LONGEST_PAUSE_S)
-            console.complain(
-                f"PostgreSQL ended and could not be started again; trying once more in {self.pause_s:.0f} s. "
-                f"{sentence(error)}"
-            )
+            console.complain(say("up.database_gone", seconds=self.pause_s, reason=sentence(error)))
         self.next_look_s = time.monotonic() + self.pause_s
 
 
@@ -94,14 +90,14 @@ class Service(Children):
         with httpx.Client(base_url=self.address, timeout=5.0, trust_env=False) as client:
             while time.monotonic() < deadline:
                 if not api.running:
-                    raise StartError("The API ended while it was starting. The lines above say why.")
+                    raise StartError(say("up.api_ended"))
                 try:
                     if client.get("/readyz").is_success:
                         return
                 except httpx.TransportError:
                     pass
                 time.sleep(0.05)
-        raise StartError(f"The API was not ready within {READY_TIMEOUT_S:.0f} s.")
+        raise StartError(say("up.late", seconds=READY_TIMEOUT_S))
 
 
 def free_port(settings: Settings) -> int:
@@ -115,25 +111,18 @@ def free_port(settings: Settings) -> int:
             return int(probe.getsockname()[1])
     except OSError as error:
         raise StartError(
-            f"{settings.host}:{settings.port} cannot be listened on ({error.strerror}). Is a service running "
-            "there already? Choose another with --port or --host."
+            say("up.port", host=settings.host, port=settings.port, reason=error.strerror)
         ) from error
 
 
 def reach(settings: Settings) -> str:
     """The sentence that says who can reach the service, and what else it takes."""
-    local, where = is_loopback(settings.host), settings.host or "every address"
+    local, where = is_loopback(settings.host), settings.host or say("up.everywhere")
     if settings.access == "open":
         if local:
-            return "Only this machine can reach it, and nobody needs a key (VERSANT_ACCESS=open)."
-        return (
-            f"Warning: it listens on {where} and asks for no keys (VERSANT_ACCESS=open): whoever reaches that address "
-            "can upload and delete."
-        )
+            return say("up.local_open")
+        return say("up.warning", where=where)
     if local:
-        return (
-            "Only this machine can reach it; commands find its key in the data folder. `versant up --host` changes "
-            "that."
-        )
+        return say("up.local")
     seen = SEEN_WITHOUT_KEY[settings.shown_map]
-    return f"It listens on {where} and asks for a key (`versant keys create`): {seen}."
+    return say("up.asks", where=where, seen=seen)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import app.cli.options as cli
-from app.cli.console import Console, part_of, write_json
+from app.cli.console import Console, part_of, spoken, tell, write_json
+from app.core.messages import say
 from app.core.text import whole_file
 from fusion.errors import FusionError, MissingSensorError
 from fusion.registry import DEFAULT_POSITIONING
@@ -68,8 +69,12 @@ def track(
     if tracks:
         with whole_file(out) as partial:
             TRACK_WRITERS[out.suffix.lower()](tracks, partial)
-        typer.echo(
-            f"{out}: {sum(len(t.log.fix) for t in tracks)} positions from {len(tracks)} of {len(drives)} logs."
+        tell(
+            "track.written",
+            file=out,
+            n=sum(len(t.log.fix) for t in tracks),
+            logs=len(tracks),
+            all=len(drives),
         )
     write_json(json_file, {"gnss": gnss, "logs": outcomes})
     if len(tracks) < len(drives):
@@ -80,7 +85,7 @@ def _usable(out: Path, what: str, suffixes: Collection[str]) -> None:
     """Refuse, before any work, a suffix that nothing is written to."""
     if out.suffix.lower() not in suffixes:
         raise typer.BadParameter(
-            f"No {what} is written to files ending in {out.suffix!r}. Choose {' or '.join(suffixes)}.",
+            spoken(say("track.no_suffix", what=what, suffix=out.suffix, names=" or ".join(suffixes))),
             param_hint="'--out'",
         )
 
@@ -124,8 +129,7 @@ def gnss_study(
     console.warn(drive.name, computed.log.warnings)
     if computed.measured is None or computed.solution is None:
         raise MissingSensorError(
-            f"Positioning {gnss!r} gave positions without residuals: there is nothing to study. Choose a solver of raw "
-            "pseudoranges, such as one-sided, for a log that holds some.",
+            say("track.no_residuals", gnss=gnss),
             where="gnss",
         )
     result = study(computed.measured, computed.solution)
@@ -135,7 +139,7 @@ def gnss_study(
 
         title = f"{drive.short_name}, {computed.name}"
         out.write_bytes(gnss_png(computed.measured, computed.solution, result.laws, title))
-        typer.echo(f"{out}: sky, residuals by satellite, laws and residuals by time.")
+        tell("track.picture", file=out)
     write_json(json_file, {"gnss": computed.name, "logs": [str(path) for path in logs], **asdict(result)})
 
 
@@ -149,9 +153,9 @@ def _print_study(console: Console, result: Study) -> None:
     laws = []
     for t in result.laws:
         chi2 = f"{t.chi2:.1f} ({t.dof})" if t.dof else None
-        laws.append((t.law, f"{t.ks:.4f}", "yes" if t.ks_taken else "no", chi2, t.chi2_taken))
+        laws.append((t.law, f"{t.ks:.4f}", t.ks_taken, chi2, t.chi2_taken))
     if laws:
         tests = ("law", "KS", "taken at 5 %", "chi-square (dof)", "taken at 5 %")
-        console.table(tests, laws, title=f"Laws (KS is refused above {result.laws[0].ks_critical:.4f})")
-    wins = [(w.window, f"{w.law} over {w.other}", w.share) for w in result.wins]
+        console.table(tests, laws, title=say("track.laws", most=result.laws[0].ks_critical))
+    wins = [(w.window, say("track.over", law=w.law, other=w.other), w.share) for w in result.wins]
     console.table(("window", "nearer by KS", "share"), wins, title="Sliding windows")

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from app.cli.console import Console, write_json
+from app.cli.console import Console, spoken, tell, write_json
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
+from app.core.messages import say
+from fusion.messages import message_of
 
 if TYPE_CHECKING:
     from app.upkeep.manifest import Manifest
@@ -44,7 +46,7 @@ def backup(
     with as_it_is(settings_for(data_dir)) as (settings, factory), console.progress() as bars:
         manifest = back_up(settings, factory, folder, bars.work("backup"))
     seconds = time.perf_counter() - started
-    typer.echo(f"{folder}: {_backup_summary(manifest)}, in {seconds:.1f} s.")
+    tell("backup.done", folder=folder, what=_backup_summary(manifest), seconds=seconds)
     _warn_of(manifest)
     write_json(json_file, _backup_figures(manifest) | {"folder": str(folder), "seconds": round(seconds, 3)})
 
@@ -73,7 +75,7 @@ def restore(
     with console.progress() as bars:
         manifest = bringing_back.checked(folder, bars.work("backup"))
     if dry_run:
-        typer.echo(f"{folder}: {_backup_summary(manifest)}; every file is as it was.")
+        tell("backup.checked", folder=folder, what=_backup_summary(manifest))
         write_json(json_file, _backup_figures(manifest) | {"folder": str(folder), "dry_run": True})
         return
     with as_it_is(named, make=True) as (settings, factory), console.progress() as bars:
@@ -83,17 +85,12 @@ def restore(
             migrate.upgrade(settings.database_url, finish=True)
         standing = migrate.standing_of(settings.database_url)
     seconds = time.perf_counter() - started
-    typer.echo(
-        f"{_backup_summary(manifest)} are back, in {seconds:.1f} s. {restored.waiting} drives wait to be processed."
-    )
+    tell("backup.back", what=_backup_summary(manifest), seconds=seconds, waiting=restored.waiting)
     _warn_of(manifest)
     if restored.other_databases:
-        typer.echo(
-            f"Other databases have used the store of logs ({', '.join(restored.other_databases)}): nothing is removed "
-            "there until `versant sweep --only-database` says that they are gone."
-        )
+        tell("backup.others", names=", ".join(restored.other_databases))
     if standing.sentence:
-        typer.echo(standing.sentence)
+        typer.echo(spoken(standing.sentence))
     figures = _backup_figures(manifest) | asdict(restored)
     write_json(json_file, figures | {"folder": str(folder), "seconds": round(seconds, 3)})
 
@@ -102,9 +99,14 @@ def _backup_summary(manifest: Manifest) -> str:
     from app.upkeep.manifest import LOGS, RASTERS
 
     logs, rasters = len(manifest.below(LOGS)), len(manifest.below(RASTERS))
-    return (
-        f"{manifest.drives} drives, {logs} logs, {rasters} files of rasters and {manifest.segments} segments of "
-        f"{manifest.made_at}, {manifest.size_bytes / _MIB:.1f} MiB"
+    return say(
+        "backup.holds",
+        drives=manifest.drives,
+        logs=logs,
+        rasters=rasters,
+        segments=manifest.segments,
+        made_at=manifest.made_at,
+        mib=manifest.size_bytes / _MIB,
     )
 
 
@@ -112,15 +114,9 @@ def _warn_of(manifest: Manifest) -> None:
     from app.upkeep.manifest import some
 
     if manifest.missing:
-        typer.echo(
-            f"Warning: {len(manifest.missing)} logs are not in the store and not in the backup: "
-            f"{some(manifest.missing)}. Their drives keep what they said; uploading a log again gives it back."
-        )
+        tell("backup.missing", n=len(manifest.missing), names=some(manifest.missing))
     if manifest.damaged:
-        typer.echo(
-            f"Warning: {len(manifest.damaged)} logs are not as they were uploaded: {some(manifest.damaged)}. They are "
-            "in the backup as they are; look at the disk that they are on."
-        )
+        tell("backup.damaged", n=len(manifest.damaged), names=some(manifest.damaged))
 
 
 def _backup_figures(manifest: Manifest) -> dict[str, Any]:
@@ -145,14 +141,14 @@ def doctor(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path
         with as_it_is(named) as (settings, factory), console.progress() as bars:
             findings = examine(Patient(settings, factory), bars.work("looking"))
     except UnreachableError as error:
-        findings = examine(Patient(named, None, str(error)))
+        findings = examine(Patient(named, None, message_of(error)))
     rows = [(one.state, one.subject, one.found, one.advice) for one in findings]
-    console.table(("", "what", "found", "to do"), rows)
+    console.table(("", "what", "found", "to do"), [[*map(spoken, row)] for row in rows])
     worst = max(findings, key=lambda one: ("ok", "warn", "fail").index(one.state)).state
     write_json(json_file, {"state": worst, "findings": [asdict(one) for one in findings]})
     if worst == "fail":
-        failed = ", ".join(one.subject for one in findings if one.state == "fail")
-        console.complain(f"Something is wrong: {failed}.")
+        failed = ", ".join(spoken(one.subject) for one in findings if one.state == "fail")
+        console.complain(say("doctor.wrong", names=failed))
         raise typer.Exit(1)
 
 
@@ -190,16 +186,13 @@ def sweep(
     if swept.strangers:
         for key in swept.orphans:
             typer.echo(key)
-        typer.echo(
-            f"{len(swept.orphans)} logs without a drive stay: other databases have used the store "
-            f"({', '.join(swept.strangers)}). --only-database removes them."
-        )
+        tell("sweep.stay", n=len(swept.orphans), names=", ".join(swept.strangers))
     else:
-        typer.echo(f"{len(swept.orphans)} logs without a drive removed.")
+        tell("sweep.removed", n=len(swept.orphans))
     if files:
-        typer.echo(f"{len(files)} files without an export removed.")
+        tell("sweep.files", n=len(files))
     for uri in rasters:
-        typer.echo(f"{uri.rpartition('/')[2]}: this elevation raster is in no use any more and removed.")
+        tell("sweep.raster", name=uri.rpartition("/")[2])
     write_json(json_file, asdict(swept) | {"removed": swept.removed, "rasters": rasters, "exports": files})
 
 
@@ -231,5 +224,5 @@ def release(
         if output is not None:
             copy_files(settings, edition, output)
     seconds = time.perf_counter() - started
-    typer.echo(f"{in_words(edition)} It took {seconds:.1f} s.")
+    tell("release.took", what=in_words(edition), seconds=seconds)
     write_json(json_file, {**asdict(edition), "day": edition.day.isoformat(), "seconds": round(seconds, 3)})

@@ -27,6 +27,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
+from app.core.messages import say
 from fusion.errors import FusionError
 
 logger = logging.getLogger(__name__)
@@ -119,10 +120,7 @@ class Claim:
     def require(self, session: Session) -> None:
         """Keep all that was claimed until the session's transaction ends; ``ClaimLostError`` where it is lost."""
         if not self.keys.issubset(session.execute(_REQUIRE, {"holder": self._holder}).scalars()):
-            raise ClaimLostError(
-                f"This program or the database stood still for {CLAIM_S:.0f} s, and another may have begun with "
-                f"the same ({self._name}). Start it again."
-            )
+            raise ClaimLostError(say("cli.stood_still", seconds=CLAIM_S, name=self._name))
 
     def __enter__(self) -> Self:
         return self

@@ -16,6 +16,7 @@ from psycopg.conninfo import conninfo_to_dict
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from app.core.messages import say
 from app.core.settings.places import libpq_url
 from fusion.errors import FusionError
 
@@ -40,19 +41,14 @@ def require_reachable(url: str) -> None:
     try:
         parts = conninfo_to_dict(libpq_url(url))
         if "@" in str(parts.get("host", "")):  # what follows the first @ counts as the host, and is secret
-            raise UnreachableError(
-                "VERSANT_DATABASE_URL cannot be used: an @ in the user or the password must be written as %40."
-            )
+            raise UnreachableError(say("cli.database_at_sign"))
         place = f"{parts.get('host', 'localhost')}:{parts.get('port', 5432)}/{parts.get('dbname', '')}"
         psycopg.connect(libpq_url(url), connect_timeout=CONNECT_TIMEOUT_S).close()
     except psycopg.Error as error:
         # Of several lines the last begins with a dash where several addresses were tried, else it is a hint.
         lines = str(error).strip().splitlines() or [type(error).__name__]
         reason = lines[-1] if lines[-1].startswith("- ") else lines[0]
-        raise UnreachableError(
-            f"The database at {place} cannot be reached: {reason.strip(' -.')}. Start PostgreSQL there or "
-            "correct VERSANT_DATABASE_URL, then start again."
-        ) from error
+        raise UnreachableError(say("cli.database_away", place=place, reason=reason.strip(" -."))) from error
 
 
 def ensure_database(server_url: str, name: str, *, template: str = "template0") -> bool:

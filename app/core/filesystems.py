@@ -37,8 +37,7 @@ def file_system(url: str) -> tuple[Any, str]:
         fs, root = fsspec.core.url_to_fs(url, use_listings_cache=False)
     except (ImportError, ValueError) as error:
         raise SettingsError(
-            f"The storage {url.partition('://')[0]}:// cannot be used: {str(error).rstrip('.')}. For s3:// install "
-            "Versant with its extra s3 (pip install 'versant[s3]')."
+            say("cli.storage", scheme=url.partition("://")[0], error=str(error).rstrip("."))
         ) from error
     return fs, str(root).rstrip("/")
 

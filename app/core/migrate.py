@@ -23,6 +23,7 @@ from sqlalchemy.orm import Session
 
 from app.core import databases
 from app.core.db import make_engine
+from app.core.messages import say
 from app.core.schema import bring_queue_up, give_rights, schema_state
 from app.core.settings.places import sqlalchemy_url
 from fusion.errors import FusionError
@@ -113,17 +114,17 @@ def standing_of(url: str) -> Standing:
 def standing(session: Session | Connection) -> Standing:
     """How the session's database and this program stand to each other."""
     state, latest = schema_state(session), latest_revision()
-    at = f"The database is at migration {state.revision}"
+    at = say("schema.at", revision=state.revision)
     if state.revision is None or (state.revision != latest and is_known(state.revision)):
-        late = f"{at}, this program needs {latest}: run `versant migrate`."
+        late = say("schema.old", at=at, latest=latest)
         return Standing(state.revision, False, sentence=late)
     if state.revision == latest:
-        queue = "The queue's schema is older than its program: run `versant migrate`."
+        queue = say("schema.queue")
         return Standing(latest, not state.queue_waits, sentence=queue if state.queue_waits else "")
     if state.oldest_program is not None and is_known(state.oldest_program):
-        serves = f"{at}, newer than this program's {latest}, which it still serves."
+        serves = say("schema.newer", at=at, latest=latest)
         return Standing(state.revision, True, newer=True, sentence=serves)
-    late = f"{at} and serves no program as old as this one, of {latest}: update the program."
+    late = say("schema.too_new", at=at, latest=latest)
     return Standing(state.revision, False, newer=True, sentence=late)
 
 

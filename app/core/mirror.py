@@ -17,6 +17,7 @@ from pathlib import Path, PurePosixPath
 
 from app.core.durable import rename_durably, sync_named
 from app.core.filesystems import INCOMING, file_system, is_folder, modified_at, put_file
+from app.core.messages import say
 from app.core.settings.places import FilePlace, RemoteFolder
 
 
@@ -43,7 +44,9 @@ def send(place: FilePlace, names: Sequence[str]) -> None:
         try:
             put_file(fs, root, place.copies / name, name)
         except Exception as error:  # any storage fsspec knows, each with errors of its own
-            raise MirrorError(f"{name} cannot be stored in {place.url}: {_reason(error)}.") from error
+            raise MirrorError(
+                say("storage.not_stored", name=name, place=place.url, reason=_reason(error))
+            ) from error
 
 
 def fetch(place: FilePlace, name: str, sha256: str) -> Path:
@@ -110,13 +113,13 @@ def _fetch(place: RemoteFolder, group: str, filename: str, sha256: str) -> None:
         for path in paths:
             fs.get_file(path, str(incoming / PurePosixPath(path).name))
         if sha256_of(incoming / filename) != sha256:
-            raise MirrorError("its content is another one")
+            raise MirrorError(say("storage.other_content"))
         for path in paths:
             part = incoming / PurePosixPath(path).name
             rename_durably(part, place.copies / group / part.name)
     except Exception as error:  # as in send
         raise MirrorError(
-            f"{group}/{filename} cannot be fetched from {place.url}: {_reason(error)}."
+            say("storage.not_fetched", group=group, file=filename, place=place.url, reason=_reason(error))
         ) from error
     finally:
         shutil.rmtree(incoming, ignore_errors=True)

@@ -33,10 +33,10 @@ from app.core.errors import (
     ServiceError,
     kind_of,
 )
-from app.core.messages import Said, say
+from app.core.messages import Said, say, with_fault
 from app.core.text import language_of
 from fusion.errors import FusionError
-from fusion.messages import message_of, term, text_in
+from fusion.messages import joined, message_of, term, text_in
 
 PROBLEM_JSON = "application/problem+json"
 RETRY_AFTER_S = 5
@@ -131,7 +131,7 @@ async def service_error(request: Request, error: Exception) -> JSONResponse:
 
 async def _fusion_error(request: Request, error: Exception) -> JSONResponse:
     where = getattr(error, "where", None)
-    errors = [FieldError(field=where, message=str(error))] if where else []
+    errors = [FieldError(field=where, message=message_of(error))] if where else []
     return problem_response(request, kind_of(error), message_of(error), errors)
 
 
@@ -141,7 +141,7 @@ async def database_error(request: Request, error: Exception) -> JSONResponse:
         return await _client_gone(request, error)
     kind = kind_of(error)
     log.error("%s %s: %s", request.method, request.url.path, error)  # the driver's text may name hosts
-    return problem_response(request, kind, f"{kind.title}. {kind.meaning}")
+    return problem_response(request, kind, say("service.kind", title=kind.title, meaning=kind.meaning))
 
 
 async def _http_error(request: Request, error: Exception) -> JSONResponse:
@@ -172,27 +172,29 @@ def _methods_at(app: FastAPI, path: str) -> list[str]:
 
 async def _invalid_request(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)  # noqa: S101 -- the type that the handler is registered for
-    errors = [_field_error(item) for item in error.errors()]
+    faults = [_fault(item) for item in error.errors()]
     if any(item["loc"][0] == "path" for item in error.errors()):
         # An address that cannot be the address of anything names nothing.
-        kind, start = KINDS[NotFoundError], f"There is nothing at {request.url.path}"
+        kind, start = KINDS[NotFoundError], say("query.nothing_at", path=request.url.path)
     elif request.url.path.startswith(OGC_PATHS):
-        kind, start = KINDS[BadQueryError], "The query cannot be used"
+        kind, start = KINDS[BadQueryError], say("query.not_usable")
     else:
-        kind, start = KINDS[BadRequestError], "The request cannot be used"
-    reasons = "; ".join(f"{e.field}: {e.message}" for e in errors)
-    return problem_response(request, kind, f"{start}. {reasons}.", errors)
+        kind, start = KINDS[BadRequestError], say("query.request_not_usable")
+    reasons = joined([say("about", field=field, reason=reason) for field, reason in faults], "; ")
+    errors = [FieldError(field=field, message=reason) for field, reason in faults]
+    return problem_response(request, kind, say("query.faults", start=start, reasons=reasons), errors)
 
 
-def _field_error(item: Mapping[str, Any]) -> FieldError:
+def _fault(item: Mapping[str, Any]) -> tuple[str, str]:
+    """Where it is, and what is wrong there: the validator's own words, with a key where the catalogues have it."""
     place, *rest = item["loc"]
     message = str(item["msg"]).removeprefix("Value error, ")
     if item["type"] == "json_invalid":  # its place is a position in the text
-        return FieldError(field=str(place), message=f"{message} at character {rest[0]}")
+        return str(place), f"{message} at character {rest[0]}"
     field = ".".join(str(part) for part in rest) or str(place)
     if not message[:2].isupper():  # an acronym stays as it is
         message = message[:1].lower() + message[1:]
-    return FieldError(field=field, message=message)
+    return field, with_fault(message, item)
 
 
 async def _internal_error(request: Request, error: Exception) -> JSONResponse:

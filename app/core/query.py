@@ -61,7 +61,7 @@ def refuse_unknown(
     """
     for name in request.query_params:
         if name not in known:
-            raise error(f"There is no parameter {name!r}. There are: {', '.join(sorted(known))}.", field=name)
+            raise error(say("query.no_parameter", name=name, names=", ".join(sorted(known))), field=name)
 
 
 def parse_bbox(text: str | None) -> Bounds | None:
@@ -81,7 +81,7 @@ def bbox_numbers(text: str) -> Bounds:
     if len(numbers) == 6:
         numbers = [*numbers[:2], *numbers[3:5]]
     if len(numbers) != 4:
-        raise _bad_bbox("it needs 4 numbers: west,south,east,north")
+        raise _bad_bbox(say("bbox.four"))
     first, second, third, fourth = numbers
     return first, second, third, fourth
 
@@ -89,9 +89,9 @@ def bbox_numbers(text: str) -> Bounds:
 def box_of(west: float, south: float, east: float, north: float) -> Bounds:
     """The box, with a width and a height; ``BadQueryError`` for one that reaches beyond the world."""
     if not (-180 <= west <= 180 and -180 <= east <= 180):
-        raise _bad_bbox("west and east must lie between -180 and 180 degrees")
+        raise _bad_bbox(say("bbox.west_east"))
     if not (-90 <= south <= north <= 90):
-        raise _bad_bbox("south must not exceed north, and both must lie between -90 and 90 degrees")
+        raise _bad_bbox(say("bbox.south_north"))
     # A box without width or height is a line or a point to a person, but an invalid polygon to PostGIS.
     west, east = _with_width(west, east, 180)
     south, north = _with_width(south, north, 90)
@@ -106,9 +106,9 @@ def _number(part: str) -> float:
     text = part.strip(" ")
     # float() alone also takes 1_0, digits of other scripts, nan and inf.
     if not _NUMBER.fullmatch(text) or not math.isfinite(value := float(text)):
-        raise _bad_bbox(f"{part!r} is no number")
+        raise _bad_bbox(say("bbox.no_number", text=part))
     return value
 
 
 def _bad_bbox(reason: str) -> BadQueryError:
-    return BadQueryError(f"bbox: {reason}. Write for example bbox=8.46,48.95,8.50,48.99.", field="bbox")
+    return BadQueryError(say("bbox.wrong", reason=reason), field="bbox")

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from app.cli.console import Console, write_json
+from app.cli.console import Console, tell, write_json
 from app.cli.options import JSON_FILE, flag, opt
+from app.core.messages import say
 
 if TYPE_CHECKING:
     from app.demo.run import DemoResult
@@ -53,27 +54,27 @@ def demo(
     console: Console = ctx.obj
     started = time.perf_counter()
     with stop_signals():
-        console.note("Starting a database, an API and a worker of its own ...")
+        console.note(say("demo.starting"))
         with demo_service(console, port) as service:
-            console.note(f"Serving at {service.address}. Simulating, importing, uploading ...")
+            console.note(say("demo.serving", address=service.address))
             with console.progress() as bars:
                 result = run_demo(service, output / "input", bars)
             files = write_files(result, output)
             show_scores(console, result)
-            typer.echo(f"\nDone in {time.perf_counter() - started:.0f} s. Open:")
+            tell("demo.done", seconds=time.perf_counter() - started)
             for what, path in files.items():
-                typer.echo(f"  {path}  ({what})")
+                tell("demo.file", path=path, what=what)
             write_json(json_file, figures(result))
             if not serve:
                 program = (
                     sys.argv[0] if Path(sys.argv[0]).name == "versant" else "versant"
                 )  # as it was called
-                typer.echo(f"On a map in your browser: {program} demo --serve")
+                tell("demo.on_a_map", program=program)
                 return
-            typer.echo(f"Still serving at {service.address} until Ctrl-C. {reach(service.settings)}")
+            tell("demo.still", address=service.address, reach=reach(service.settings))
             page, token = map_page(result.features), first_link(service.settings)
             opened = login_address(service.address, token, page) if token else service.address + page
-            typer.echo(f"Open the map: {opened}")
+            tell("demo.open", address=opened)
             service.serve_forever()
         return
     if not serve:  # interrupted before the end
@@ -97,7 +98,7 @@ def show_scores(console: Console, result: DemoResult) -> None:
     console.table(
         ["road", "length m", "true %", "measured %", "sigma %", "error %", "drives"],
         rows,
-        title=f"{len(rows)} of {len(result.truth)} driven segments, chosen by their true slope",
+        title=say("demo.some", n=len(rows), all=len(result.truth)),
     )
     typer.echo()
     _scores(console, "All driven segments", {LABELS[n]: s for n, s in result.scores().items()})
@@ -114,7 +115,7 @@ def _structures(console: Console, scores: dict[str, dict[str, Score]]) -> None:
     ]
     title = "Bridges and tunnels beside the open road: RMSE % (coverage)"
     console.table(["", "segments", *LABELS.values()], rows, title=title)
-    typer.echo("Straight line: between the true heights of the road at the two ends of the structure.")
+    tell("demo.straight")
 
 
 def _with_coverage(one: Score) -> str:

@@ -23,6 +23,7 @@ from app.cli.fuse_files import Fusion
 from app.cli.keys.starting import see_to_key
 from app.cli.supervisor import Service
 from app.core import migrate
+from app.core.messages import say
 from app.core.settings import Settings
 from app.demo.score import Estimate, Score, SegmentKey, Truth, by_kind, by_structure, score
 from app.embedded.cluster import EmbeddedPostgres
@@ -172,15 +173,17 @@ def _upload(
     client: Client, paths: Sequence[Path], options: Mapping[str, Any], bars: Bars
 ) -> list[RemoteDrive]:
     sent = [
-        client.upload(p, options=options, sent=bars.count(f"sending {p.name}", p.stat().st_size))
+        client.upload(
+            p, options=options, sent=bars.count(say("stage.sending", name=p.name), p.stat().st_size)
+        )
         for p in paths
     ]
     done = []
     for path, drive in zip(paths, sent, strict=True):
-        show = bars.work(f"fusing {path.name}")
+        show = bars.work(say("stage.fusing", name=path.name))
         final = client.wait(drive.id, seen=shown(show), timeout_s=DRIVE_TIMEOUT_S)
         if final.status != "done":
-            raise DemoError(f"{path.name} ended as {final.status}: {final.reason}")
+            raise DemoError(say("demo.ended", name=path.name, status=final.status, reason=final.reason))
         done.append(final)
     return done
 

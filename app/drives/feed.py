@@ -23,6 +23,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from app.core.caller import Scope, present_caller
 from app.core.http import EXAMPLE_ID, BaseUrl, Service, ServiceDep, existing, problems
+from app.core.messages import say
 from app.core.receiving.clients import Shares
 from app.core.receiving.sse import EventStream, Follower, Followers, event, events_of, stream_answer
 from app.core.text import dumps
@@ -77,7 +78,7 @@ class Feed:
         """
         self._read = read
         self._look_every_s = look_every_s if announced else min(look_every_s, UNTOLD_LOOK_S)
-        self._followers = Followers[uuid.UUID, News](streams, "Ask for the drive itself every few seconds")
+        self._followers = Followers[uuid.UUID, News](streams, say("stream.ask_for_drive"))
         self.leave = self._followers.leave
         self._due: set[uuid.UUID] = set()
         self._wake = asyncio.Event()

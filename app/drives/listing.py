@@ -23,6 +23,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from app.core.errors import BadRequestError
+from app.core.messages import say
 from app.core.query import cursor_of, parse_cursor
 from app.drives.documents import DrivePlace, DriveStatus
 
@@ -155,8 +156,7 @@ def place_of(order: Order, cursor_text: str, field: str) -> DrivePlace:
         return _read_cursor(order.sort, cursor_text)
     except (ValueError, TypeError, OverflowError, AttributeError, RecursionError, BadRequestError):
         raise BadRequestError(
-            f"{field}: this is no place in the list ordered so. Take it from a next or prev link, or begin again "
-            f"without {field}.",
+            say("drives.no_place", field=field),
             field=field,
         ) from None
 

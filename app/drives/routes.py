@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field
 
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, ServiceDep, existing, link, problems, with_query
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.telemetry.audit import Origin
 from app.drives import intake
@@ -86,7 +87,7 @@ def list_drives(
     refuse_unknown(request, DriveListRequest.model_fields, BadRequestError)
     after, before, limit = query.after, query.before, query.limit
     if after is not None and before is not None:
-        raise BadRequestError("before: say either after or before.", field="before")
+        raise BadRequestError(say("drives.after_or_before"), field="before")
     by = Order(query.sort, (query.order or default_direction(query.sort)) is Direction.DESC)
     filters = query.model_dump(exclude={"sort", "order", "limit", "after", "before"})
     places: dict[str, Any] = {

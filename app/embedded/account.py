@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.core.messages import say
 from app.embedded.errors import EmbeddedPostgresError
 
 UNPRIVILEGED_USERS = ("postgres", "nobody")
@@ -94,10 +95,7 @@ def with_access(account: Account, folders: Sequence[Path]) -> Account:
         if candidate.can_enter(folders):
             return candidate
     where = ", ".join(str(folder) for folder in folders)
-    raise EmbeddedPostgresError(
-        f"PostgreSQL does not run as root, and user {account.uid} cannot enter {where}. Choose a data folder "
-        "that every user may pass through (such as one below /var/lib), or start Versant as an ordinary user."
-    )
+    raise EmbeddedPostgresError(say("embedded.root", uid=account.uid, place=where))
 
 
 def _empowered(account: Account) -> list[Account]:

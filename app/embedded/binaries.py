@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.core.messages import say
 from app.embedded.errors import PostgresMissingError
 
 OLDEST_MAJOR = 13
@@ -25,11 +26,7 @@ PLACES = (
     "/usr/local/pgsql/bin",
 )
 
-ADVICE = (
-    "Install PostgreSQL with PostGIS (Debian and Ubuntu: `apt-get install postgresql-postgis`, "
-    "macOS: `brew install postgis`, Fedora: `dnf install postgresql-server postgis`), or set "
-    "VERSANT_DATABASE_URL to a PostGIS database that you have."
-)
+ADVICE = say("embedded.install")
 
 
 @dataclass(frozen=True)
@@ -73,10 +70,7 @@ def find_client(program: str, least_major: int, *, places: Iterable[Path] | None
     if fit:
         return clients[min(fit)], min(fit)
     there = ", ".join(f"that of PostgreSQL {major}" for major in sorted(clients)) or "none"
-    raise PostgresMissingError(
-        f"{program} of PostgreSQL {least_major} or newer is needed and is not on this machine ({there} is). Install "
-        f"it (Debian and Ubuntu: `apt-get install postgresql-client-{least_major}`)."
-    )
+    raise PostgresMissingError(say("embedded.program", program=program, version=least_major, there=there))
 
 
 def _explain(candidates: list[Binaries], major: int | None) -> str:
@@ -84,14 +78,10 @@ def _explain(candidates: list[Binaries], major: int | None) -> str:
         f"PostgreSQL {b.major} in {b.folder}{'' if b.postgis else ', without PostGIS'}" for b in candidates
     )
     if major is not None:
-        return (
-            f"The cluster was made by PostgreSQL {major}, which is not here together with PostGIS "
-            f"(found: {there or 'nothing'}). Install that version (Debian and Ubuntu: `apt-get install "
-            f"postgresql-{major}-postgis-3`), or move the cluster's folder away to begin with an empty one."
-        )
+        return say("embedded.other_major", version=major, there=there or "nothing")
     if not candidates:
-        return f"No PostgreSQL server was found on this machine. {ADVICE}"
-    return f"No PostgreSQL {OLDEST_MAJOR} or newer with PostGIS was found ({there}). {ADVICE}"
+        return say("embedded.none", advice=ADVICE)
+    return say("embedded.too_old", version=OLDEST_MAJOR, there=there, advice=ADVICE)
 
 
 def _usual_places() -> Iterator[Path]:

@@ -11,6 +11,7 @@ from typing import Self
 from urllib.parse import quote
 
 from app.core import databases
+from app.core.messages import say
 from app.core.settings.places import SQLALCHEMY_SCHEME
 from app.embedded import data_folder
 from app.embedded.account import Account, account_for, with_access
@@ -61,7 +62,7 @@ class EmbeddedPostgres:
     def url_of(self, database: str) -> str:
         """SQLAlchemy URL of another database of the cluster, valid while started."""
         if self._socket_dir is None:
-            raise EmbeddedPostgresError("The embedded PostgreSQL has not been started.")
+            raise EmbeddedPostgresError(say("embedded.not_started"))
         host = quote(str(self._socket_dir), safe="/")
         return f"{SQLALCHEMY_SCHEME}{data_folder.SUPERUSER}@/{quote(database)}?host={host}&port={data_folder.PORT}"
 
@@ -107,7 +108,7 @@ class EmbeddedPostgres:
         if not self.lost:
             return False
         if not self._data.is_dir():
-            raise EmbeddedPostgresError(f"The folder {self._data} is gone, and the database with it.")
+            raise EmbeddedPostgresError(say("embedded.folder_gone", folder=self._data))
         account = account_for(self._cluster)
         with self._starting_or_stopping(account):
             if not self.lost:  # another program that uses the folder was quicker
@@ -130,7 +131,7 @@ class EmbeddedPostgres:
             self._launch(with_access(account, [self._cluster]))
             server = self._await_server()
         if server is None:
-            raise EmbeddedPostgresError(f"PostgreSQL stopped as soon as it was started. {self._last_words()}")
+            raise EmbeddedPostgresError(say("embedded.stopped", words=self._last_words()))
         self._socket_dir = server.socket_dir
         databases.ensure_database(self.url_of("postgres"), self._database)
         databases.ensure_postgis(self.url)
@@ -143,8 +144,7 @@ class EmbeddedPostgres:
             return None
         if not server.ready:
             raise EmbeddedPostgresError(
-                f"PostgreSQL (process {server.pid}) has been starting or stopping for {START_TIMEOUT_S:.0f} "
-                f"s. {self._last_words()}"
+                say("embedded.busy", pid=server.pid, seconds=START_TIMEOUT_S, words=self._last_words())
             )
         if not _has_socket(server):
             # Something cleaned the folder for temporary files; nobody can connect any more.
@@ -172,7 +172,7 @@ class EmbeddedPostgres:
         while account.run(command, cwd=self._cluster, PGDATA=str(self._data)).returncode != 0:
             words = self._last_words()
             if _STILL_LEAVING not in words or time.monotonic() > deadline:
-                raise EmbeddedPostgresError(f"PostgreSQL did not start. {words}")
+                raise EmbeddedPostgresError(say("embedded.did_not_start", words=words))
             time.sleep(0.1)
 
     def _leave(self) -> None:
@@ -197,7 +197,7 @@ class EmbeddedPostgres:
                 break
         else:
             raise EmbeddedPostgresError(
-                f"PostgreSQL (process {server.pid}) did not stop. {self._last_words()}"
+                say("embedded.did_not_stop", pid=server.pid, words=self._last_words())
             )
         if server.socket_dir.parent != self._cluster:
             shutil.rmtree(server.socket_dir, ignore_errors=True)
@@ -211,7 +211,7 @@ class EmbeddedPostgres:
             words = data_folder.last_lines(self.log_path.read_text(errors="replace"))
         except OSError:
             words = "(nothing)"
-        return f"The end of its log, {self.log_path}: {words}"
+        return say("embedded.log", file=self.log_path, words=words)
 
 
 def _has_socket(server: Postmaster) -> bool:

@@ -14,6 +14,7 @@ import tempfile
 from pathlib import Path
 
 from app.core.durable import rename_durably
+from app.core.messages import say
 from app.embedded.account import Account, account_for
 from app.embedded.errors import EmbeddedPostgresError
 
@@ -70,24 +71,16 @@ def own_folder(cluster: Path) -> Account:
     try:
         for place in (cluster, *cluster.parents):
             if place.exists() and not place.is_dir():
-                raise EmbeddedPostgresError(
-                    f"{place} is not a folder. Choose another data folder (--data-dir or VERSANT_DATA_DIR)."
-                )
+                raise EmbeddedPostgresError(say("embedded.no_folder", path=place))
         cluster.parent.mkdir(parents=True, exist_ok=True)
         cluster.mkdir(mode=0o700, exist_ok=True)
         account = account_for(cluster)
         account.own(cluster)
         cluster.chmod(0o700)
     except OSError as error:
-        raise EmbeddedPostgresError(
-            f"The folder {cluster} cannot be used for the database: {error.strerror}. Choose a "
-            "data folder that belongs to you (--data-dir or VERSANT_DATA_DIR)."
-        ) from error
+        raise EmbeddedPostgresError(say("embedded.unusable", folder=cluster, error=error.strerror)) from error
     if not os.access(cluster, os.R_OK | os.W_OK | os.X_OK):
-        raise EmbeddedPostgresError(
-            f"The folder {cluster} belongs to user {cluster.stat().st_uid}, and this process "
-            "may not enter it: a root without the capability dac_override. Start as an ordinary user."
-        )
+        raise EmbeddedPostgresError(say("embedded.others_folder", folder=cluster, user=cluster.stat().st_uid))
     return account
 
 
@@ -105,16 +98,10 @@ def existing_major(data: Path) -> int | None:
         return int((data / "PG_VERSION").read_text())
     except FileNotFoundError:
         if data.exists() and any(data.iterdir()):
-            raise EmbeddedPostgresError(
-                f"{data} holds something that is no PostgreSQL cluster. Move it away, or choose "
-                "another data folder."
-            ) from None
+            raise EmbeddedPostgresError(say("embedded.something_else", folder=data)) from None
         return None
     except (OSError, ValueError) as error:
-        raise EmbeddedPostgresError(
-            f"The cluster in {data} is damaged, its PG_VERSION cannot be read ({error}). Restore "
-            "the folder from a backup, or move it away to begin with an empty database."
-        ) from error
+        raise EmbeddedPostgresError(say("embedded.damaged", folder=data, error=error)) from error
 
 
 def initialise(cluster: Path, account: Account, initdb: str, *, durable: bool) -> None:
@@ -127,9 +114,7 @@ def initialise(cluster: Path, account: Account, initdb: str, *, durable: bool) -
         options.append("--no-sync")
     done = account.run([initdb, "-D", str(fresh), *options])
     if done.returncode != 0:
-        raise EmbeddedPostgresError(
-            f"No PostgreSQL cluster could be made in {cluster}. initdb said: {last_lines(done.stdout)}"
-        )
+        raise EmbeddedPostgresError(say("embedded.no_cluster", folder=cluster, words=last_lines(done.stdout)))
     _write_as(account, fresh / "pg_hba.conf", HBA)
     with (fresh / "postgresql.conf").open("a") as conf:
         conf.write(f"\ninclude '{INCLUDE}'\n")
@@ -166,10 +151,7 @@ def prepare_socket_dir(cluster: Path, account: Account) -> Path:
         if _fits(folder):
             _make_private(folder, account)
             return folder
-    raise EmbeddedPostgresError(
-        f"The path {cluster} is too long for a Unix socket, and so is that of the folder for temporary "
-        "files. Choose a shorter data folder, or set TMPDIR to a short path."
-    )
+    raise EmbeddedPostgresError(say("embedded.long_path", path=cluster))
 
 
 def clear_sockets(folder: Path) -> None:
@@ -212,6 +194,4 @@ def _make_private(folder: Path, account: Account) -> None:
 
 
 def _not_private(folder: Path, owner: int) -> str:
-    return (
-        f"{folder} must be a folder of user {owner} alone, but is somebody else's. Remove it and start again."
-    )
+    return say("embedded.not_yours", folder=folder, user=owner)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
+from app.core.messages import say
 from app.embedded.account import Account
 from app.embedded.errors import EmbeddedPostgresError
 
@@ -22,10 +23,7 @@ class FileLock:
         try:
             self._handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
         except OSError as error:
-            raise EmbeddedPostgresError(
-                f"The lock file {path} cannot be opened: {error.strerror}. Start Versant as the user "
-                "who started it first."
-            ) from error
+            raise EmbeddedPostgresError(say("embedded.lock_file", path=path, error=error.strerror)) from error
         account.own(self._handle)
 
     @classmethod
@@ -41,10 +39,7 @@ class FileLock:
         lock = cls(path, account)
         if not wait_until(lock.try_exclusive, timeout_s):
             lock.release()
-            raise EmbeddedPostgresError(
-                f"Another program has been starting or stopping this database for {timeout_s:.0f} s (it "
-                f"holds {path}). End that program and try again."
-            )
+            raise EmbeddedPostgresError(say("embedded.locked", seconds=timeout_s, path=path))
         return lock
 
     def try_exclusive(self) -> bool:

@@ -121,6 +121,7 @@ class Export(Request, json_schema_extra={"examples": [EXAMPLE]}):
         "version of the program. The file says the same where its format has a place. Null until it is done."
     )
     notes: list[str] = Field(description="What is to be known of the file.")
+    notes_said: list[Said | None] = Field(default_factory=list, description="Each of them by its key.")
     entries: int | None = Field(description="Segments, ways, tiles or whatever the file consists of.")
     file_name: str
     media_type: str
@@ -146,8 +147,9 @@ class Export(Request, json_schema_extra={"examples": [EXAMPLE]}):
             failure = ExportFailure(
                 kind=columns["failure_kind"], reason=columns["failure_reason"], said=said_in(columns)["said"]
             )
-        notes = columns["notes"].get("notes", [])
-        return cls.model_validate({**columns, "failure": failure, "notes": notes})
+        told = columns["notes"]
+        notes, keys = told.get("notes", []), told.get("said", [])
+        return cls.model_validate({**columns, "failure": failure, "notes": notes, "notes_said": keys})
 
 
 class ExportList(BaseModel, json_schema_extra={"examples": [{"exports": [EXAMPLE], "links": []}]}):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ValidationError
 
+from app.core.messages import say
 from app.exports.writing.qgis_style import style_beside
 from app.map.segment import Column, Record, Segment, Way
 from fusion.errors import BadOptionsError
@@ -99,7 +100,12 @@ class Format(ABC):
         for name in given:
             if name not in names:
                 raise BadOptionsError(
-                    f"{self.name} takes no option {name[:60]!r} here. It takes: {', '.join(names) or 'none'}.",
+                    say(
+                        "export.no_option",
+                        format=self.name,
+                        name=name[:60],
+                        names=", ".join(names) or say("export.none"),
+                    ),
                     where=name[:60],
                 )
         try:
@@ -108,15 +114,21 @@ class Format(ABC):
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"]) or None
             reason = first["msg"].removeprefix("Value error, ").rstrip(".")
-            raise BadOptionsError(f"{self.name}: {where or 'its options'}: {reason}.", where=where) from error
+            raise BadOptionsError(
+                say(
+                    "export.wrong_option",
+                    format=self.name,
+                    name=where or say("export.its_options"),
+                    reason=reason,
+                ),
+                where=where,
+            ) from error
 
     def check_filters(self, **filters: bool) -> None:
         """``BadOptionsError`` that names the filter, for one that the format cannot be narrowed by."""
         for name, is_set in filters.items():
             if is_set and name not in self.filters:
-                raise BadOptionsError(
-                    f"{name}: the format {self.name} has no such filter; bbox is for all formats.", where=name
-                )
+                raise BadOptionsError(say("export.no_filter", name=name, format=self.name), where=name)
 
 
 class TableFormat(Format):

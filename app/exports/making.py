@@ -204,7 +204,7 @@ def asked_again(document: Mapping[str, Any]) -> Request:
         }
         return request_of(document["format"], document["options"], bbox=bounds, **filters)
     except FusionError as error:
-        raise BadRequestError(f"This version of the program cannot make it: {error}") from error
+        raise BadRequestError(say("export.other_version", error=error)) from error
 
 
 @dataclass(frozen=True)

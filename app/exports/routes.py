@@ -23,6 +23,7 @@ from app.exports.ranges import Stored, stored_answer
 from app.exports.store import exports
 from app.jobs.requests.listing import AfterQuery, page_of
 from fusion.errors import BadOptionsError, RoadsError, UnknownNameError
+from fusion.messages import message_of
 
 if TYPE_CHECKING:
     from app.exports.format import NoOptions
@@ -232,11 +233,11 @@ def _naming(field: str) -> Iterator[None]:
     try:
         yield
     except (BadQueryError, RoadsError, UnknownNameError) as error:
-        raise BadRequestError(str(error), field=field) from error
+        raise BadRequestError(message_of(error), field=field) from error
     except BadOptionsError as error:
         at = error.where or "options"
         inside = at not in documents.ExportRequest.model_fields
-        raise BadRequestError(str(error), field=f"options.{at}" if inside else at) from error
+        raise BadRequestError(message_of(error), field=f"options.{at}" if inside else at) from error
 
 
 def _get_export(service: Service, export_id: uuid.UUID) -> documents.Export:

@@ -29,6 +29,7 @@ from app.jobs.requests.run import Discarded, RequestKind, RequestRun, expected_f
 from app.jobs.requests.upkeep import expire
 from app.jobs.task import Interrupted
 from fusion.errors import FusionError
+from fusion.messages import said
 
 CHUNK_BYTES = 2**20
 MOST_YIELDS = 3
@@ -114,7 +115,7 @@ def _finish(run: RequestRun[Export], path: Path, output: Made, blob: StoredBlob)
             entries=output.count,
             provenance=plain_json(output.provenance),
             companions={place.name: text for place, text in companions.items()},
-            notes={"notes": list(output.notes)},
+            notes={"notes": list(output.notes), "said": [said(one) for one in output.notes]},
             blob_key=blob.key,
             sha256=blob.sha256,
             size_bytes=blob.size_bytes,

@@ -14,6 +14,7 @@ import numpy as np
 from sqlalchemy import text
 
 from app.core.db import Sessions
+from app.core.messages import say
 from app.core.telemetry.measures import SWAP_CONFLICTS
 from app.network.cells import (
     beside,
@@ -136,7 +137,7 @@ def _settle_taken(sessions: Sessions, cell: int) -> None:
                         return
                     SWAP_CONFLICTS.count("settled")
                 time.sleep(_WAIT_S)
-        raise BusyError(f"Others were solving the same cell, {_TRIES} times in a row.")
+        raise BusyError(say("cells.others", n=_TRIES))
     except Exception:
         with sessions.begin() as session:
             unsettle(session, [cell])

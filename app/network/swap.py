@@ -20,6 +20,7 @@ from sqlalchemy.orm import Session
 
 from app.core.claims import Claim
 from app.core.db import Sessions
+from app.core.messages import say
 from app.core.telemetry.logs import tell
 from app.core.telemetry.measures import CELLS_SOLVED, SOLVE_S, SQUARES_SOLVED, SWAP_CONFLICTS
 from app.network.cells import beside, cells_over, lock_cells, raise_versions, unsettle, versions_of
@@ -130,7 +131,7 @@ def publish_cells(
         logger.debug("%d cells changed while they were solved; solving them again", len(cells))
         time.sleep(_PAUSE_S * random.uniform(0.5, 1.5) * min(attempt + 1, 5))  # noqa: S311 - no secret
         _await_network(sessions)
-    raise BusyError(f"Others wrote in the same cells first, {_TRIES} times in a row.")
+    raise BusyError(say("cells.others_first", n=_TRIES))
 
 
 def log_solution(kind: str, proposal: Proposal, cells: int, took_s: float, tries: int) -> None:

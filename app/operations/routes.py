@@ -39,6 +39,7 @@ from app.operations.store import operations
 from app.roads.store import check_name, known_region
 from app.terrain.store import chosen, current_dem
 from fusion.errors import RoadsError, TerrainError
+from fusion.messages import message_of
 
 logger = logging.getLogger(__name__)
 
@@ -221,9 +222,9 @@ def _require_fitting(kind: Kind, given: Mapping[str, Any]) -> None:
     """``BadRequestError`` for a parameter of another kind of operation, or where one is missing."""
     for name in given:
         if name not in TAKEN[kind]:
-            raise BadRequestError(f"An operation {kind.value} takes no {name}.", field=name)
+            raise BadRequestError(say("operation.takes_no", kind=kind.value, name=name), field=name)
     if "name" in TAKEN[kind] and not given.get("name"):
-        raise BadRequestError(f"{kind.value} of which one? Give its name.", field="name")
+        raise BadRequestError(say("operation.which", kind=kind.value), field="name")
 
 
 def _require_place(service: Service, size_bytes: int) -> None:
@@ -244,7 +245,9 @@ def _check(service: Service, kind: Kind, parameters: Mapping[str, Any]) -> None:
                 active = current_dem(session, service.settings.dem_dir)
                 chosen(active.sources if active else (), [parameters["name"]])
     except (RoadsError, TerrainError) as error:
-        raise BadRequestError(str(error), field="region" if "region" in parameters else "name") from error
+        raise BadRequestError(
+            message_of(error), field="region" if "region" in parameters else "name"
+        ) from error
 
 
 def _add_operation(

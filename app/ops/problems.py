@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 from app.core.errors import PROBLEM_PATH, Kind, NotFoundError, all_kinds
 from app.core.http import problems
+from app.core.messages import say
 
 router = APIRouter(prefix=PROBLEM_PATH.rstrip("/"), tags=["operation"])
 
@@ -48,5 +49,5 @@ def get_kind(slug: str) -> ProblemKind:
     """What the `type` of a problem document means."""
     kind = all_kinds().get(slug)
     if kind is None:
-        raise NotFoundError(f"There is no kind of problem called {slug!r}. /problems lists them.")
+        raise NotFoundError(say("service.no_problem", name=slug))
     return ProblemKind.of(kind)

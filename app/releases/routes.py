@@ -11,6 +11,7 @@ from fastapi import APIRouter, Path, Request, Response
 
 from app.core.errors import BadRequestError, NotFoundError
 from app.core.http import REVALIDATE, BaseUrl, Service, ServiceDep, existing, link, problems
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.exports.ranges import Stored, stored_answer
 from app.releases import documents, keeping, store
@@ -75,9 +76,7 @@ def get_file(number: Number, name: str, request: Request, service: ServiceDep) -
         try:
             return keeping.open_file(service.settings, edition, name)
         except FileNotFoundError:
-            raise NotFoundError(
-                f"The files of edition {edition.number} are gone from the storage. The next edition has its own."
-            ) from None
+            raise NotFoundError(say("release.files_gone", n=edition.number)) from None
 
     here = f"/v1/editions/{edition.number}/{name}"
     return stored_answer(request, stored, opened, {"Cache-Control": REVALIDATE, "Content-Location": here})

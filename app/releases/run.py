@@ -48,7 +48,7 @@ def release(
     """
     with _sessions(url, settings) as (live, told, edition), releasing_alone(live) as alone:
         if not alone:
-            raise BusyReleaseError("An edition is being made just now. Ask again when it is done.")
+            raise BusyReleaseError(say("release.being_made"))
         needed = settings.owners_needed
         examine(live, progress)
         tell(live, needed, progress, alone.require)

@@ -20,6 +20,7 @@ from app.core.blobs import BlobStore
 from app.core.databases import database_identity
 from app.core.db import Sessions, snapshot
 from app.core.filesystems import file_system, free_bytes
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.version import code_version
 from app.terrain.store import DemSource, local_raster
@@ -69,7 +70,7 @@ def back_up(
             identity, versions = database_identity(session), store.versions(session)
             state = migrate.standing(session)
             if state.revision is None:
-                raise BackupError("The database was never migrated: there is nothing in it to back up.")
+                raise BackupError(say("backup.empty"))
             _require_same(former, identity, folder)
             contents, exported = store.contents(session), store.export_snapshot(session)
             progress("database", 0.0)
@@ -148,17 +149,13 @@ class _Files:
         free = free_bytes(*file_system(str(self._folder)))
         if free is not None and free < size_bytes:
             raise BackupError(
-                f"{self._folder} has {free / _MIB:.0f} MiB free, and {size_bytes / _MIB:.0f} MiB more are to be "
-                "copied. Make room there or name another folder; what is copied already is kept."
+                say("backup.no_room", folder=self._folder, free_mib=free / _MIB, needed_mib=size_bytes / _MIB)
             )
 
 
 def _require_same(former: Manifest | None, identity: str, folder: Path) -> None:
     if former is not None and former.identity != identity:
-        raise BackupError(
-            f"{folder} holds the backup of another database, of {former.made_at} with {former.drives} drives. It stays "
-            "as it is; name another folder."
-        )
+        raise BackupError(say("backup.other", folder=folder, made_at=former.made_at, drives=former.drives))
 
 
 def _raster(settings: Settings, source: Mapping[str, object]) -> Iterator[_Wanted]:
@@ -166,10 +163,7 @@ def _raster(settings: Settings, source: Mapping[str, object]) -> Iterator[_Wante
     known = DemSource.of(source)
     path = local_raster(settings.dem_dir, known)
     if not path.is_file():
-        raise BackupError(
-            f"The elevation raster {known.name} is not at {path}. Import it again (`versant import-dem`), or remove it "
-            "(`versant elevation remove`)."
-        )
+        raise BackupError(say("backup.raster_gone", name=known.name, path=path))
     for file in sorted(path.parent.iterdir()):
         sha256 = known.sha256 if file == path else None
         where = f"{RASTERS}/{path.parent.name}/{file.name}"

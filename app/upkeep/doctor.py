@@ -18,6 +18,7 @@ from app.core import migrate, mirror
 from app.core.blobs import BlobStore
 from app.core.db import Patience, Sessions, make_engine, session_factory
 from app.core.filesystems import file_system, free_bytes
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.standby import store as standby
 from app.core.standby.use import standby_url
@@ -29,6 +30,7 @@ from app.terrain.store import current_dem, pending_heights
 from app.upkeep import store
 from app.upkeep.manifest import some
 from fusion.errors import FusionError
+from fusion.messages import joined
 from fusion.types import Progress, no_progress
 
 State = Literal["ok", "warn", "fail"]
@@ -77,7 +79,11 @@ def examine(patient: Patient, progress: Progress = no_progress) -> list[Finding]
             findings.extend(look(patient))
         except (SQLAlchemyError, FusionError, OSError) as error:
             reason = " ".join(str(getattr(error, "orig", None) or error).split())
-            findings.append(Finding(subject, "fail", f"The check failed: {reason}", "Fix that first."))
+            findings.append(
+                Finding(
+                    subject, "fail", say("doctor.check_failed", reason=reason), say("doctor.check_failed_do")
+                )
+            )
     return findings
 
 
@@ -103,21 +109,22 @@ def _programs(patient: Patient) -> Iterator[Finding]:
 def _access(patient: Patient) -> Iterator[Finding]:
     settings, host = patient.settings, patient.settings.host
     state: State = "warn"
+    advice = ""
     if settings.access == "open" and not settings.is_local:
-        finding = f"The API listens on {host}, others reach it, and it asks for no keys: they may remove every drive."
-        advice = "Leave VERSANT_ACCESS at keys, or see that something in front of it asks who comes."
+        finding = say("doctor.open", host=host)
+        advice = say("doctor.open_do")
     elif "*" in settings.host_names:
-        finding = "The API answers under any host name (VERSANT_ALLOWED_HOSTS is *)."
-        advice = "Name those that people use, unless something in front of it checks them."
+        finding = say("doctor.any_host")
+        advice = say("doctor.any_host_do")
     elif settings.access == "open":
-        state, advice = "ok", ""
-        finding = f"The API listens on {host}, for this machine alone, and asks for no keys."
+        state = "ok"
+        finding = say("doctor.local", host=host)
     else:
         shown = {"live": "the map", "off": "nothing of the map", "releases": "editions of the map"}[
             settings.shown_map
         ]
-        state, advice = "ok", ""
-        finding = f"The API listens on {host} and asks for keys; who shows none sees {shown}."
+        state = "ok"
+        finding = say("doctor.keys", host=host, shown=shown)
     yield Finding("access", state, finding, advice)
 
 
@@ -128,46 +135,46 @@ def _room(patient: Patient) -> Iterator[Finding]:
     for name, url in places.items():
         free, least = free_bytes(*file_system(url)), settings.min_free_bytes
         if free is None:
-            yield Finding(f"room of {name}", "ok", "Nothing tells how much room a bucket has.")
+            yield Finding(say("doctor.room_of", name=name), "ok", say("doctor.bucket"))
         elif free < least:
-            finding = (
-                f"{free / _MIB:.0f} MiB are free, less than the {least / _MIB:.0f} of VERSANT_MIN_FREE_BYTES."
+            finding = say("doctor.no_room", mib=free / _MIB, least_mib=least / _MIB)
+            yield Finding(
+                say("doctor.room_of", name=name), "fail", finding, say("doctor.no_room_do", place=url)
             )
-            yield Finding(f"room of {name}", "fail", finding, f"Make room in {url}: uploads are refused.")
         elif free < 4 * least:
-            finding = f"{free / _MIB:.0f} MiB are free; at {least / _MIB:.0f} uploads are refused."
-            yield Finding(f"room of {name}", "warn", finding, f"Make room in {url}.")
+            finding = say("doctor.little_room", mib=free / _MIB, least_mib=least / _MIB)
+            yield Finding(
+                say("doctor.room_of", name=name), "warn", finding, say("doctor.little_room_do", place=url)
+            )
         else:
-            yield Finding(f"room of {name}", "ok", f"{free / _MIB:.0f} MiB are free.")
+            yield Finding(say("doctor.room_of", name=name), "ok", say("doctor.free", mib=free / _MIB))
 
 
 def _reachable(patient: Patient) -> Iterator[Finding]:
     if patient.sessions is None:
-        yield Finding("database", "fail", patient.away, "Nothing else of it can be checked.")
+        yield Finding("database", "fail", patient.away, say("doctor.away"))
 
 
 def _database(settings: Settings, session: Session) -> Iterator[Finding]:
     server = store.versions(session)
     if server.postgis is None:
-        finding = f"PostgreSQL {server.postgres} without PostGIS."
-        yield Finding("database", "fail", finding, "Install PostGIS there.")
+        finding = say("doctor.no_postgis", version=server.postgres)
+        yield Finding("database", "fail", finding, say("doctor.no_postgis_do"))
     else:
         yield Finding("database", "ok", f"PostgreSQL {server.postgres}, PostGIS {server.postgis}")
     standing = migrate.standing(session)
     if not standing.usable:
-        yield Finding("schema", "fail", standing.sentence, "Until then neither API nor workers run.")
+        yield Finding("schema", "fail", standing.sentence, say("doctor.schema_do"))
         return
-    finding = standing.sentence or f"The database is at migration {standing.revision}, as this program."
     state: State = "warn" if standing.newer else "ok"
-    yield Finding("schema", state, finding, "Update the program." * standing.newer)
+    found = standing.sentence or say("doctor.schema", revision=standing.revision)
+    yield Finding("schema", state, found, say("doctor.update_do") if standing.newer else "")
 
 
 def _standby(settings: Settings, session: Session) -> Iterator[Finding]:
     if (url := standby_url(settings)) is None:
         return
-    advice = (
-        "The API reads the map from the primary meanwhile. See to the standby (VERSANT_DATABASE_READ_URL)."
-    )
+    advice = say("doctor.standby_do")
     engine = make_engine(url, pool_size=1, pooled=settings.database_pooled, patience=_BRIEFLY)
     try:
         with session_factory(engine)() as there:
@@ -175,7 +182,7 @@ def _standby(settings: Settings, session: Session) -> Iterator[Finding]:
             schema = migrate.standing(there)
     except SQLAlchemyError as error:
         reason = " ".join(str(getattr(error, "orig", None) or error).split())
-        yield Finding("standby", "fail", f"It does not answer: {reason}", advice)
+        yield Finding("standby", "fail", say("doctor.standby_silent", reason=reason), advice)
         return
     finally:
         engine.dispose()
@@ -184,9 +191,9 @@ def _standby(settings: Settings, session: Session) -> Iterator[Finding]:
     if problem is not None:
         yield Finding("standby", "fail", problem, advice)
     elif behind > FAR_BEHIND_BYTES:
-        yield Finding("standby", "warn", f"It is {behind / _MIB:.0f} MiB of log behind.", advice)
+        yield Finding("standby", "warn", say("doctor.standby_far", mib=behind / _MIB), advice)
     else:
-        yield Finding("standby", "ok", f"It is {behind} bytes of log behind.")
+        yield Finding("standby", "ok", say("doctor.standby_near", n=behind))
 
 
 def _roles(settings: Settings, session: Session) -> Iterator[Finding]:
@@ -195,20 +202,20 @@ def _roles(settings: Settings, session: Session) -> Iterator[Finding]:
         return
     if lacking:
         named = ", ".join(lacking)
-        finding = f"The database does not tell callers apart, or cannot act as they do: see to {named}."
-        advice = "`versant migrate` makes roles and gives rights, as a user who may. Tables need row level security."
+        finding = say("doctor.no_roles", names=named)
+        advice = say("doctor.no_roles_do")
         yield Finding("roles", "fail", finding, advice)
     else:
-        yield Finding("roles", "ok", "The database shows every caller its own rows.")
+        yield Finding("roles", "ok", say("doctor.roles"))
 
 
 def _clock(settings: Settings, session: Session) -> Iterator[Finding]:
     before, there, after = datetime.now(UTC), store.server_clock(session), datetime.now(UTC)
     skew_s = max((before - there).total_seconds(), (there - after).total_seconds(), 0.0)
     state: State = "fail" if skew_s > SKEW_FAIL_S else "warn" if skew_s > SKEW_WARN_S else "ok"
-    finding = f"The database's clock and this one are {skew_s:.1f} s apart."
-    advice = "Let both follow a time server: signs of life and ages are told by the clocks."
-    yield Finding("clocks", state, finding, advice * (state != "ok"))
+    finding = say("doctor.clocks", seconds=skew_s)
+    advice = say("doctor.clocks_do")
+    yield Finding("clocks", state, finding, advice if state != "ok" else "")
 
 
 def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
@@ -217,41 +224,39 @@ def _queue(settings: Settings, session: Session) -> Iterator[Finding]:
     # A lane that was killed stands in the table until others take it off: of this machine the kernel knows better, and
     # a lane here that has given no sign there for long (the machine slept) lives all the same.
     lanes = max(workers.alive, here)
-    finding = f"{waiting.depth} drives wait"
-    if waiting.oldest_wait_s is not None:
-        finding += f", the first for {waiting.oldest_wait_s:.0f} s"
-    finding += (
-        f"; {lanes} {'lane' if lanes == 1 else 'lanes'} of workers alive, {here} of them on this machine."
-    )
+    first = waiting.oldest_wait_s
+    since = "" if first is None else say("doctor.first_waits", seconds=first)
+    alive = say("doctor.lanes", n=lanes, here=here)
+    finding = say("doctor.queue", drives=waiting.depth, since=since, lanes=alive)
     if lanes > here:
-        finding += f" The others gave a sign of life in the last {settings.stalled_after_s:.0f} s."
+        finding = joined([finding, say("doctor.others", seconds=settings.stalled_after_s)])
     if waiting.depth and not lanes:
-        yield Finding("queue", "warn", finding, "Start `versant worker` or `versant up`.")
+        yield Finding("queue", "warn", finding, say("doctor.no_worker_do"))
     elif (waiting.oldest_wait_s or 0.0) > LONG_WAIT_S:
-        advice = "Start more workers, or wait: uploads go before what is processed again."
+        advice = say("doctor.long_wait_do")
         yield Finding("queue", "warn", finding, advice)
     else:
         yield Finding("queue", "ok", finding)
     if workers.stuck:
-        finding = f"{workers.stuck} jobs are held by workers that are silent."
-        advice = "A worker that lives puts them back by itself; start one."
+        finding = say("doctor.stuck", n=workers.stuck)
+        advice = say("doctor.stuck_do")
         yield Finding("stuck jobs", "warn", finding, advice)
     if workers.queued:
-        finding = f"{workers.queued} drives wait and have no job, as after an update."
-        advice = "A worker gives them one within minutes; start one."
+        finding = say("doctor.no_job", n=workers.queued)
+        advice = say("doctor.no_job_do")
         yield Finding("drives without a job", "warn", finding, advice)
     if workers.running:
-        finding = f"{workers.running} drives run and have no job: nobody computes them."
-        advice = "`versant drives reprocess --drive ID` for each (`versant drives list --status running`)."
+        finding = say("doctor.nobody", n=workers.running)
+        advice = say("doctor.nobody_do")
         yield Finding("drives nobody computes", "fail", finding, advice)
 
 
 def _cells(settings: Settings, session: Session) -> Iterator[Finding]:
     cells = figures.waiting_cells(session)
-    state = f"{cells.waiting} cells wait to be solved."
+    state = say("doctor.cells", n=cells.waiting)
     if cells.unsolved:
-        state += f" {cells.unsolved} of them repeatedly failed to be solved."
-        advice = "/v1/admin/stats names them and what to do (`unsolved`); the worker's log says why."
+        state = joined([state, say("doctor.unsolved", n=cells.unsolved)])
+        advice = say("doctor.unsolved_do")
         yield Finding("cells", "warn", state, advice)
     else:
         yield Finding("cells", "ok", state)
@@ -260,14 +265,11 @@ def _cells(settings: Settings, session: Session) -> Iterator[Finding]:
 def _derived(settings: Settings, session: Session) -> Iterator[Finding]:
     behind = figures.behind(session)
     if behind.behind_s is None:
-        yield Finding("ways and low zooms", "ok", "They show what the segments do.")
+        yield Finding("ways and low zooms", "ok", say("doctor.derived"))
         return
-    finding = f"They are {behind.behind_s:.0f} s behind the segments; {behind.cells} cells wait to be drawn."
+    finding = say("doctor.behind", seconds=behind.behind_s, cells=behind.cells)
     if behind.behind_s > LONG_BEHIND_S:
-        advice = (
-            "A worker sees to it beside its drives; start one. Where one runs, its log says what is in its way, or a "
-            "transaction has been open for so long (pg_stat_activity)."
-        )
+        advice = say("doctor.behind_do")
         yield Finding("ways and low zooms", "warn", finding, advice)
     else:
         yield Finding("ways and low zooms", "ok", finding)
@@ -280,35 +282,33 @@ def _logs(settings: Settings, session: Session) -> Iterator[Finding]:
     there = set(keys)
     without = sorted(drive for drive, key in drives.items() if key not in there)
     if without:
-        finding = f"{len(without)} drives have lost their logs: {some(without)}."
-        advice = "Bring them back from a backup, or upload them again; what these drives finding stays."
+        finding = say("doctor.lost", n=len(without), names=some(without))
+        advice = say("doctor.lost_do")
         yield Finding("logs", "fail", finding, advice)
     else:
-        yield Finding("logs", "ok", f"{len(drives)} drives have their logs.")
+        yield Finding("logs", "ok", say("doctor.logs", n=len(drives)))
     if orphans := unreferenced_blobs(session, keys):
-        finding = f"{len(orphans)} logs are of no drive."
-        advice = "Workers remove them after VERSANT_ORPHAN_DAYS; `versant sweep` says whether they may."
+        finding = say("doctor.orphans", n=len(orphans))
+        advice = say("doctor.orphans_do")
         yield Finding("logs without a drive", "warn" if len(orphans) > len(drives) else "ok", finding, advice)
 
 
 def _elevation(settings: Settings, session: Session) -> Iterator[Finding]:
     active = current_dem(session, settings.dem_dir)
     if active is None:
-        advice = "`versant import-dem FILE...` adds some: slopes of roads that few drove gain by it."
-        yield Finding("elevation", "warn", "There are no elevation rasters.", advice)
+        advice = say("doctor.no_rasters_do")
+        yield Finding("elevation", "warn", say("doctor.no_rasters"), advice)
         return
     bad = [problem for s in active.sources if (problem := mirror.problem(settings.dem_dir, s.uri, s.sha256))]
     if bad:
-        advice = "Import them again (`versant import-dem`), or remove them (`versant elevation remove`)."
-        finding = f"Of {len(active.sources)} rasters some are not sound: {some(bad)}."
+        advice = say("doctor.bad_rasters_do")
+        finding = say("doctor.bad_rasters", n=len(active.sources), names=some(bad))
         yield Finding("elevation", "fail", finding, advice)
     else:
-        count = len(active.sources)
-        there = "1 raster is there as it was" if count == 1 else f"{count} rasters are there as they were"
-        yield Finding("elevation", "ok", f"{there} imported.")
+        yield Finding("elevation", "ok", say("doctor.rasters", n=len(active.sources)))
     if pending_heights(session) is not None:
-        advice = "A worker goes on with it; start one."
-        yield Finding("heights", "warn", "Heights of segments are still of the rasters before.", advice)
+        advice = say("doctor.heights_do")
+        yield Finding("heights", "warn", say("doctor.heights"), advice)
 
 
 _LOOKS: tuple[tuple[str, _Look], ...] = (

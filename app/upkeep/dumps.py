@@ -10,6 +10,7 @@ from pathlib import Path
 
 from psycopg.conninfo import conninfo_to_dict, make_conninfo
 
+from app.core.messages import say
 from app.core.settings.places import libpq_url
 from app.embedded.binaries import find_client
 from fusion.errors import FusionError
@@ -42,7 +43,7 @@ def dump(url: str, snapshot: str, target: Path, major: int) -> None:
         f"--snapshot={snapshot}",
         f"--file={target}",
     ]
-    _run([program, *options, f"--dbname={place}"], secret, "The database cannot be saved")
+    _run([program, *options, f"--dbname={place}"], secret, say("backup.not_saved"))
 
 
 def restore(url: str, source: Path, major: int) -> None:
@@ -53,13 +54,11 @@ def restore(url: str, source: Path, major: int) -> None:
     program, _ = find_client("pg_restore", major)
     place, secret = _connection(url)
     with tempfile.NamedTemporaryFile("w", prefix="versant-restore-", suffix=".list") as chosen:
-        chosen.write(
-            _without_extensions(_run([program, "--list", str(source)], {}, "The dump cannot be read"))
-        )
+        chosen.write(_without_extensions(_run([program, "--list", str(source)], {}, say("backup.dump"))))
         chosen.flush()
         options = ["--exit-on-error", "--single-transaction", "--no-owner", "--no-privileges"]
         listed = f"--use-list={chosen.name}"
-        failed = "The database cannot be restored, and is empty still"
+        failed = say("backup.not_restored")
         _run([program, *options, listed, f"--dbname={place}", str(source)], secret, failed)
 
 
@@ -88,5 +87,5 @@ def _run(command: Sequence[str], secret: Mapping[str, str], failed: str) -> str:
     )
     if done.returncode != 0:
         words = " ".join(done.stderr.strip().splitlines()[-_LINES_QUOTED:])
-        raise BackupError(f"{failed}: {words or 'no reason is given'}. See to that and try again.")
+        raise BackupError(say("backup.failed", what=failed, reason=words or say("backup.no_reason")))
     return done.stdout

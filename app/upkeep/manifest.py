@@ -16,6 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
 from app.core.durable import make_folder, rename_durably
+from app.core.messages import say
 from app.upkeep.dumps import BackupError
 from fusion.types import Progress
 
@@ -76,24 +77,20 @@ def read_manifest(folder: Path) -> Manifest | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
-        raise BackupError(f"{folder / NAME} cannot be read: {error}. Take another backup.") from error
+        raise BackupError(say("backup.unreadable", file=folder / NAME, error=error)) from error
     try:
         if content["format"] > FORMAT:
-            raise BackupError(f"The backup in {folder} was made by a newer Versant. Update this one first.")
+            raise BackupError(say("backup.newer", folder=folder))
         dump, files = Entry(**content.pop("dump")), tuple(Entry(**entry) for entry in content.pop("files"))
         missing, damaged = tuple(content.pop("missing")), tuple(content.pop("damaged"))
         manifest = Manifest(dump=dump, files=files, missing=missing, damaged=damaged, **content)
     except (KeyError, TypeError) as error:
-        raise BackupError(
-            f"{folder / NAME} is no list of a backup ({error}). Take another backup."
-        ) from error
+        raise BackupError(say("backup.no_list", file=folder / NAME, error=error)) from error
     outside = [
         e.path for e in (dump, *files) if PurePosixPath(e.path).is_absolute() or ".." in Path(e.path).parts
     ]
     if outside:
-        raise BackupError(
-            f"{folder / NAME} names files outside of its folder ({outside[0]}). Take another backup."
-        )
+        raise BackupError(say("backup.outside", file=folder / NAME, name=outside[0]))
     return manifest
 
 
@@ -115,14 +112,12 @@ def alone_in(folder: Path) -> Iterator[None]:
     """Keep other programs from writing a backup there, while the block runs; the folder is made, closed to others."""
     make_folder(folder, 0o700)
     if any(folder.iterdir()) and not (folder / _LOCK).exists():
-        raise BackupError(
-            f"{folder} holds something that is no backup. Name an empty folder, or one to be made."
-        )
+        raise BackupError(say("backup.no_backup", folder=folder))
     with (folder / _LOCK).open("ab") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise BackupError(f"Another program writes a backup into {folder} just now.") from None
+            raise BackupError(say("backup.busy", folder=folder)) from None
         yield
 
 
@@ -159,18 +154,16 @@ def verify(folder: Path, manifest: Manifest, progress: Progress) -> None:
     for entry in entries:
         progress("checking", done / max(manifest.size_bytes, 1))
         if not (folder / entry.path).is_file():
-            bad.append(f"{entry.path} is missing")
+            bad.append(say("backup.file_missing", file=entry.path))
         elif entry_of(folder, entry.path) != entry:
-            bad.append(f"{entry.path} is damaged")
+            bad.append(say("backup.file_damaged", file=entry.path))
         done += entry.size_bytes
     if bad:
-        raise BackupError(
-            f"The backup in {folder} is not whole: {some(bad)}. Nothing was changed. Take another backup."
-        )
+        raise BackupError(say("backup.not_whole", folder=folder, names=some(bad)))
 
 
 def some(names: Iterable[str]) -> str:
     """The first names of many, and how many more there are."""
     listed = list(names)
-    more = f" and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
+    more = say("cli.and_more", n=len(listed) - _SHOWN) if len(listed) > _SHOWN else ""
     return ", ".join(listed[:_SHOWN]) + more

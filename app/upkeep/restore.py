@@ -14,6 +14,7 @@ from app.core import databases, migrate, mirror, schema
 from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.filesystems import file_system, free_bytes, put_file
+from app.core.messages import say
 from app.core.settings import Settings
 from app.upkeep import dumps, store
 from app.upkeep.dumps import BackupError
@@ -21,7 +22,7 @@ from app.upkeep.manifest import LOGS, RASTERS, Entry, Manifest, read_manifest, v
 from fusion.types import Progress, no_progress
 
 _MIB = 2**20
-_RESTORED = "The database was restored. Switch it on where this service takes the place of the former one."
+_RESTORED = say("backup.webhook_off")
 
 
 @dataclass(frozen=True)
@@ -38,16 +39,10 @@ def checked(folder: Path, progress: Progress = no_progress) -> Manifest:
     """The backup in a folder, all of whose files are as they were; ``BackupError`` where they are not."""
     manifest = read_manifest(folder)
     if manifest is None:
-        raise BackupError(
-            f"{folder} holds no complete backup: there is no manifest.json. One that was broken off is none; name the "
-            "folder that `versant backup` was given."
-        )
+        raise BackupError(say("backup.incomplete", folder=folder))
     revision = manifest.versions["revision"]
     if revision is not None and not migrate.is_known(revision):
-        raise BackupError(
-            f"The backup is of schema {revision}, made by Versant {manifest.versions['versant']}, which is newer than "
-            "this one. Update this program first."
-        )
+        raise BackupError(say("backup.newer_schema", revision=revision, version=manifest.versions["versant"]))
     verify(folder, manifest, progress)
     return manifest
 
@@ -56,15 +51,11 @@ def require_empty(sessions: Sessions, manifest: Manifest) -> None:
     """``BackupError`` unless the database is empty and of a version that can take the backup."""
     with sessions() as session:
         if not store.is_empty(session):
-            raise BackupError(
-                "The database is not empty, and nothing is overwritten. Name a data folder without a database "
-                "(--data-dir), or an empty database (VERSANT_DATABASE_URL)."
-            )
+            raise BackupError(say("backup.not_empty"))
         here = store.versions(session)
     if here.postgres_major < manifest.versions["postgres_major"]:
         raise BackupError(
-            f"The backup is of PostgreSQL {manifest.versions['postgres']}, and this server is {here.postgres}. Restore "
-            "it on that version or a newer one."
+            say("backup.newer_server", version=manifest.versions["postgres"], here=here.postgres)
         )
 
 
@@ -115,10 +106,7 @@ def _roles(sessions: Sessions) -> None:
             schema.ensure_roles(session.connection())
     except SQLAlchemyError as error:
         reason = " ".join(str(getattr(error, "orig", None) or error).split())
-        raise BackupError(
-            f"The roles of callers cannot be made: {reason}. Let somebody who may make roles do that on this server "
-            "(`versant migrate` in any database of it), or restore as such a user."
-        ) from error
+        raise BackupError(say("backup.roles", reason=reason)) from error
 
 
 def _require_room(settings: Settings, manifest: Manifest, stored: Set[str]) -> None:
@@ -133,8 +121,7 @@ def _require_room(settings: Settings, manifest: Manifest, stored: Set[str]) -> N
         free = free_bytes(*file_system(url))
         if free is not None and free < needed:
             raise BackupError(
-                f"There are {free / _MIB:.0f} MiB free in {url}, and the backup has {needed / _MIB:.0f} MiB for it. "
-                "Make room there first."
+                say("backup.no_room_there", free_mib=free / _MIB, place=url, needed_mib=needed / _MIB)
             )
 
 
@@ -153,6 +140,4 @@ def _rasters(
             settings.dem_dir, sorted((name for _, name in files), key=lambda name: "_num" not in name.lower())
         )
     except mirror.MirrorError as error:
-        raise BackupError(
-            f"A raster cannot be kept: {error} See to the storage of VERSANT_DEM_URL."
-        ) from error
+        raise BackupError(say("backup.raster", error=error)) from error

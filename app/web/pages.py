@@ -18,6 +18,7 @@ from fastapi import Path as PathParameter
 
 from app.core.errors import NotFoundError
 from app.core.http import REVALIDATE, ServiceDep, not_modified
+from app.core.messages import say
 from app.core.settings import Settings
 from app.core.version import code_version
 
@@ -89,9 +90,7 @@ def _origin(address: str | None) -> str:
 def _page(name: str, settings_shown: str, plainly: str, content: str) -> File:
     file = built_file(f"{name}.html")
     if file is None:
-        raise NotFoundError(
-            "The pages are not built. Build them with `make web`, or install the released package."
-        )
+        raise NotFoundError(say("service.no_pages"))
     text = file.content.decode().replace(PLACE, f'<meta name="versant" content="{escape(settings_shown)}"', 1)
     text = text.replace(WITHOUT_SCRIPTS, plainly + WITHOUT_SCRIPTS, 1)
     return file_of(text.replace(CONTENT, CONTENT + content, 1).encode(), f"{name}.html")
@@ -159,6 +158,6 @@ def web_file(request: Request, name: Annotated[str, PathParameter(max_length=200
     """What pages load."""
     file = None if name.endswith(".html") else built_file(name)
     if file is None:
-        raise NotFoundError(f"There is no file {name!r} among those of the pages.")
+        raise NotFoundError(say("service.no_page_file", name=name))
     caching = FOR_EVER if name.startswith("assets/") else REVALIDATE
     return file_answer(request, file, {"Cache-Control": caching, "X-Content-Type-Options": "nosniff"})

@@ -132,6 +132,13 @@ class Notes:
     _examples: dict[str, tuple[int, str, str]] = field(default_factory=dict)
     """By reason: the count, the first example and the warning that holds them."""
 
+    @property
+    def first_place(self) -> str | None:
+        """Where that was; None where no position was refused."""
+        before = self.first_offender.split(":")[0]
+        place = getattr(self.first_offender, "parameters", {}).get("place")
+        return (place if place == before else before) or None  # the same, with its key
+
     def skip(self, reason: str, count: int, example: str = "", *, position: bool = False) -> None:
         """Count ``count`` unusable items; ``example`` says where the first is and what is wrong with it.
 
@@ -307,7 +314,7 @@ def build_log(
         advice = advice or say("advice.reception")
         raise EmptyLogError(
             say("log.no_position", description=kind.description, why=why, advice=advice),
-            where=notes.first_offender.split(":")[0] or None,
+            where=notes.first_place,
         )
     disorder = notes.repaired[OUT_OF_ORDER]
     if disorder:

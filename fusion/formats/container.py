@@ -175,7 +175,9 @@ def refuse(head: bytes, supported: str) -> UnknownFormatError:
         what = say("log.looks_like", kind=kind)
     else:
         what = say("log.no_format")
-    return UnknownFormatError(say("log.unknown", what=what, supported=supported), where="byte 0")
+    return UnknownFormatError(
+        say("log.unknown", what=what, supported=supported), where=say("place.byte", n=0)
+    )
 
 
 def looks_like(head: bytes) -> str:

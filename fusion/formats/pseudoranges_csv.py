@@ -80,7 +80,7 @@ class PseudorangesCsvFormat(LogFormat):
             why = say("log.first_fault", fault=notes.first_offender) if notes.first_offender else ""
             raise EmptyLogError(
                 say("pseudoranges.none", description=self.description, why=why),
-                where=notes.first_offender.split(":")[0] or None,
+                where=notes.first_place,
             )
         return build_log(self, notes, {}, raw=RawGnss(signals))
 

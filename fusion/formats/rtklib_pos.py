@@ -73,7 +73,7 @@ def _header(text: bytes) -> _Header:
     if match is None:
         raise MalformedLogError(
             say("rtklib.no_columns"),
-            where="line 1",
+            where=say("place.line", n=1),
         )
     columns = tuple(re.split(r"[ ,;\t]+", match.group("columns").decode("ascii", "replace").strip().lower()))
     if columns[0] == _KINDS[3]:

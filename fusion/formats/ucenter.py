@@ -73,7 +73,7 @@ class UCenterFormat(LogFormat):
         if not stream:
             raise EmptyLogError(
                 say("ucenter.names_only"),
-                where="line 1",
+                where=say("place.line", n=1),
             )
         return read_stream(
             stream, progress, self, notes=notes, place=lambda offset: say("place.line", n=line_of(offset))

@@ -15,8 +15,10 @@ from app.changes.webhooks.store import EVENTS, SEGMENTS_CHANGED, TEST, WebhookRo
 from app.core.caller import has_share
 from app.core.errors import BadRequestError
 from app.core.http import UNREADABLE_BODY, BaseUrl, Link, Service, ServiceDep, existing, link, problems
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.text import Moment
+from fusion.messages import message_of
 
 Event = Literal["segments.changed", "drive.done", "drive.failed"]
 _EXAMPLE_ID = "8f0c8d5e-0d1c-4f43-9a3f-2f6f5c1b7a10"
@@ -200,13 +202,9 @@ def add(
     with service.sessions.begin() as session:
         held, mine = store.count_webhooks(session), len(store.list_webhooks(session))
         if held >= MOST:
-            raise BadRequestError(
-                f"There are {MOST} webhooks already. Remove one that is not needed any more."
-            )
+            raise BadRequestError(say("webhook.many", most=MOST))
         if not has_share(mine, held, MOST):
-            raise BadRequestError(
-                f"You have {mine} webhooks already. Remove one that is not needed any more."
-            )
+            raise BadRequestError(say("webhook.yours", n=mine))
         version = version_text(session, horizon(session)) if SEGMENTS_CHANGED in wish.events else None
         row = store.add_webhook(session, wish.url, secret, wish.events, wish.bbox, version)
     response.headers["Location"] = f"{base}/v1/webhooks/{row.id}"
@@ -251,7 +249,7 @@ def change(
     changes = wish.model_dump(exclude_unset=True)
     for name in ("url", "events", "active"):
         if name in changes and changes[name] is None:
-            raise BadRequestError.about(name, "it cannot be null. Leave it out to keep it.")
+            raise BadRequestError.about(name, say("webhook.not_null"))
     if wish.url is not None:
         _check(service, wish.url)
     with service.sessions.begin() as session:
@@ -283,7 +281,7 @@ def send_test(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> Mess
     with service.sessions.begin() as session:
         row: WebhookRow = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         if not row.active:
-            raise BadRequestError('It is switched off. Switch it on first: PATCH with {"active": true}.')
+            raise BadRequestError(say("webhook.off"))
         message = store.add_message(session, webhook_id, TEST, {"webhook_id": str(webhook_id)})
     links = [link(f"{base}/v1/webhooks/{webhook_id}", "monitor", title="What came of it")]
     return MessageAccepted(delivery=f"msg_{message.hex}", links=links)
@@ -293,4 +291,4 @@ def _check(service: Service, url: str) -> None:
     try:
         check_url(url, private=service.settings.webhook_private)
     except RefusedError as error:
-        raise BadRequestError.about("url", f"{error}") from error
+        raise BadRequestError.about("url", message_of(error)) from error

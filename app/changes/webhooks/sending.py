@@ -22,6 +22,8 @@ from ipaddress import IPv4Address, IPv6Address, ip_address, ip_network
 from typing import Any
 from urllib.parse import SplitResult, urlsplit
 
+from app.core.messages import say
+
 SECRET_PREFIX = "whsec_"  # noqa: S105 - no secret itself
 _SECRET_BYTES = 32
 _LONGEST_URL = 2000
@@ -76,9 +78,7 @@ def check_url(url: str, *, private: bool) -> None:
     """``RefusedError``, in a sentence, for an address that no message can go to; names are looked up later."""
     parts = _split(url)
     if not private and parts.scheme != "https":
-        raise RefusedError(
-            "it must begin with https:// (plain http needs VERSANT_WEBHOOK_PRIVATE=true at the service)."
-        )
+        raise RefusedError(say("webhook.https"))
     with suppress(ValueError):  # a name, which is looked up later
         if not _is_public(ip_address((parts.hostname or "").partition("%")[0])) and not private:
             raise RefusedError(_NOT_PUBLIC)
@@ -104,10 +104,7 @@ def post(url: str, headers: dict[str, str], body: bytes, *, timeout_s: float, pr
     return Answer(status, f"It answered {status}.", unwanted=status == _GONE)
 
 
-_NOT_PUBLIC = (
-    "it is of this machine or of a private network, which are called only where the service's "
-    "VERSANT_WEBHOOK_PRIVATE is true."
-)
+_NOT_PUBLIC = say("webhook.not_public")
 
 
 def _split(url: str) -> SplitResult:
@@ -117,13 +114,13 @@ def _split(url: str) -> SplitResult:
         if host:
             host.encode("idna")
     except (ValueError, UnicodeError):
-        raise RefusedError("it is no address.") from None
+        raise RefusedError(say("webhook.no_address")) from None
     if parts.scheme not in {"http", "https"} or not host or port == 0 or len(url) > _LONGEST_URL:
-        raise RefusedError("it must be an address such as https://example.org/told.")
+        raise RefusedError(say("webhook.address"))
     if parts.username is not None or parts.password is not None or parts.fragment:
-        raise RefusedError("it must hold neither a user nor a fragment; messages are signed instead.")
+        raise RefusedError(say("webhook.user"))
     if any(ord(letter) <= 32 or ord(letter) >= 127 for letter in url):
-        raise RefusedError("it must be written in ASCII, other letters as %XX.")
+        raise RefusedError(say("webhook.ascii"))
     return parts
 
 

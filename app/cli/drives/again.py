@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from app.cli.console import Console, write_json
+from app.cli.console import Console, spoken, tell, write_json
 from app.cli.drives.look import SHOWN_FAILURES, failures_table, listed
 from app.cli.options import GNSS_OPTION, JSON_FILE, flag, opt, parse_assignments
 from app.cli.remote import GNSS_CHOICE, KEY, KEY_DIR, SERVER, service_client
+from app.core.messages import say
+from fusion.messages import with_key
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -84,8 +86,12 @@ def reprocess(
             batch = Batch.read(
                 client.request("DELETE", _ADDRESS, params={"batch": cancel}).json(), str(cancel)
             )
-            typer.echo(
-                f"Batch {cancel}: {batch.running} drive(s) still run, {batch.done} done, {batch.failed} failed."
+            tell(
+                "again.cancelled",
+                batch=cancel,
+                running=batch.running,
+                done=batch.done,
+                failed=batch.failed,
             )
         else:
             forced = {"force": "true"} if force else {}
@@ -93,7 +99,7 @@ def reprocess(
             if wait and batch.number:
                 batch = _follow(client, batch, bars.work("reprocessing"))
     if wait and not dry_run:
-        typer.echo(f"{batch.done} done, {batch.failed} failed.")
+        tell("again.ended", done=batch.done, failed=batch.failed)
         _tell_failures(console, batch)
     write_json(json_file, {"server": client.server, **asdict(batch)})
     if wait and batch.failed:
@@ -125,8 +131,7 @@ def _check_choice(kinds: int, narrowed: bool, named: int) -> None:
     """``typer.BadParameter`` for what contradicts itself: drives and batches that are named need no filter."""
     if kinds + named > 1 or (named and narrowed):
         raise typer.BadParameter(
-            "Choose one of --all, --stale, --failed, --drive and --cancel; --dry-run, --force and filters go with the "
-            "first three, or with none.",
+            spoken(say("again.choose")),
             param_hint="'--all', '--stale', '--failed', '--drive', '--cancel'",
         )
 
@@ -137,12 +142,12 @@ def _ask(client: Client, selection: dict[str, str], method: str | None, dry_run:
     answer = client.request("POST", _ADDRESS, params=params)
     document = answer.json()
     if dry_run:
-        typer.echo(f"{document['queued']} drive(s) would be processed again.")
+        tell("again.would", n=document["queued"])
         _note(document)
         return Batch(None, int(document["queued"]))
     number = answer.headers["Location"].rpartition("=")[2]
-    rest = "" if document["complete"] else " so far; a worker puts the rest into the queue"
-    typer.echo(f"{document['queued']} drive(s) are processed again{rest}. Batch {number}.")
+    rest = "" if document["complete"] else say("again.rest")
+    tell("again.batch", n=document["queued"], rest=rest, number=number)
     _note(document)
     return Batch(number, int(document["queued"]))
 
@@ -150,7 +155,7 @@ def _ask(client: Client, selection: dict[str, str], method: str | None, dry_run:
 def _note(document: dict[str, Any]) -> None:
     """Why drives were left out, or none was chosen."""
     if document.get("note"):
-        typer.echo(document["note"])
+        typer.echo(spoken(with_key(document["note"], document.get("note_said"))))
 
 
 def _tell_failures(console: Console, batch: Batch) -> None:
@@ -159,7 +164,7 @@ def _tell_failures(console: Console, batch: Batch) -> None:
         failures_table(console, batch.failures)
     if len(batch.failures) < batch.failed:
         rest = batch.failed - len(batch.failures)
-        typer.echo(f"... and {rest} more: versant drives list --status failed --batch {batch.number}")
+        tell("again.more", n=rest, batch=batch.number)
 
 
 def _follow(client: Client, batch: Batch, show: Progress) -> Batch:
@@ -167,7 +172,7 @@ def _follow(client: Client, batch: Batch, show: Progress) -> Batch:
     while True:
         document = client.request("GET", _ADDRESS, params={"batch": batch.number}).json()
         batch = Batch.read(document, str(batch.number))
-        show(f"{batch.done + batch.failed} of {batch.drives}", document["progress"])
+        show(say("again.at", n=batch.done + batch.failed, all=batch.drives), document["progress"])
         if document["state"] in {"done", "cancelled"} and not batch.running:
             of_it = {"status": "failed", "batch": batch.number}
             failures = listed(client, of_it, SHOWN_FAILURES) if batch.failed else []
@@ -179,7 +184,7 @@ def _positioning(gnss: str | None, gnss_option: list[str], *, named: bool) -> di
     """The query for another positioning; ``typer.BadParameter`` unless drives are named, since a batch knows none."""
     options = parse_assignments(gnss_option, "--gnss-option")
     if not named and (gnss or options):
-        raise typer.BadParameter("--gnss and --gnss-option go with --drive.", param_hint="'--gnss'")
+        raise typer.BadParameter(spoken(say("again.gnss")), param_hint="'--gnss'")
     query: dict[str, Any] = {"gnss": gnss} if gnss else {}
     if options:
         query["gnss_option"] = [f"{name}:{json.dumps(value)}" for name, value in options.items()]
@@ -190,7 +195,7 @@ def _each(client: Client, ids: list[str], query: dict[str, Any], wait: bool) -> 
     """Ask for drives one by one."""
     for one in ids:
         client.request("POST", f"/v1/drives/{one}/reprocess", params=query)
-    typer.echo(f"{len(ids)} drive(s) are processed again.")
+    tell("again.some", n=len(ids))
     ended = [client.wait(one) for one in ids] if wait else []
     failures = [one.document for one in ended if one.status != "done"]
     return Batch(None, len(ids), done=len(ended) - len(failures), failed=len(failures), failures=failures)

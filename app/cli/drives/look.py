@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from app.cli.console import Console, figure, spoken, spoken_term, write_json
+from app.cli.console import Console, figure, spoken, write_json
 from app.cli.options import JSON_FILE, arg, opt
 from app.cli.remote import KEY, KEY_DIR, SERVER, service_client, shown_status
-from fusion.messages import remarks_of, with_key
+from app.core.messages import say
+from fusion.messages import message_of, remarks_of, with_key
 
 if TYPE_CHECKING:
     from app.cli.client import Client
@@ -34,9 +35,7 @@ def a_moment(text: str | None) -> str | None:
             datetime.fromisoformat(text)
         return text
     except ValueError:
-        raise typer.BadParameter(
-            f"{text!r} is no time. Write it as 2026-11-20 or 2026-11-20T09:00:00Z."
-        ) from None
+        raise typer.BadParameter(spoken(say("drives.no_time", text=text))) from None
 
 
 Status = Literal["queued", "running", "done", "failed", "cancelled"]
@@ -69,7 +68,7 @@ def list_drives(
     columns = ("id", "status", "file", "km", "segments", "uploaded", "method", "reason")
     console.table(columns, [_row(one) for one in drives])
     if len(drives) == limit:
-        console.note(f"These are the newest {limit}; --limit shows more.")
+        console.note(say("drives.newest", n=limit))
     write_json(json_file, {"server": client.server, "drives": drives})
 
 
@@ -110,7 +109,7 @@ def delete(
                 raise  # said once, not per drive
             except ClientError as error:
                 failed = True
-                console.complain(str(error))
+                console.complain(message_of(error))
     if failed:
         raise typer.Exit(1)
 
@@ -136,14 +135,14 @@ def drive_lines(document: Mapping[str, Any]) -> list[str]:
     failure, report, waits_for = _failure(document), document.get("report") or {}, document.get("waits_for")
     result = "Result" if not failure else "Result of an earlier run" if report else "What the log says"
     groups = {
-        f"Drive {document['id']}": _of_drive(document),
+        say("drives.title", id=document["id"]): _of_drive(document),
         "Times": {
             name: _when(document.get(f"{name}_at")) for name in ("created", "queued", "started", "finished")
         }
         | {"recorded": _when(document.get("drive_time"))},
         "Reason" if waits_for else "Failure": {
             "kind": failure.get("kind"),
-            "stage": spoken_term(failure.get("stage") or ""),
+            "stage": spoken(failure.get("stage") or ""),
             "where": _spoken(failure, "where", "where_said"),
             "reason": _spoken(failure, "reason", "said"),
         },
@@ -152,13 +151,13 @@ def drive_lines(document: Mapping[str, Any]) -> list[str]:
     }
     lines: list[str] = []
     for title, facts in groups.items():
-        present = {name: value for name, value in facts.items() if value not in (None, "", [], {})}
+        present = {spoken(name): value for name, value in facts.items() if value not in (None, "", [], {})}
         if present:
             width = max(map(len, present))
-            lines += [*([""] if lines else []), title]
+            lines += [*([""] if lines else []), spoken(title)]
             lines += [f"  {name:<{width}}  {figure(value)}" for name, value in present.items()]
     if warnings := remarks_of(report):
-        lines += ["", "Warnings", *(f"  {spoken(sentence)}" for sentence in warnings)]
+        lines += ["", spoken("Warnings"), *(f"  {spoken(sentence)}" for sentence in warnings)]
     return lines
 
 
@@ -209,20 +208,29 @@ def _ride(client: Client, document: Mapping[str, Any]) -> dict[str, Any] | None:
 
 def _of_ride(ride: Mapping[str, Any]) -> dict[str, Any]:
     steep = ride.get("steepest") or {}
-    climbs = {f"climb {n}": _climb(one) for n, one in enumerate(ride.get("climbs") or (), 1)}
+    climbs: dict[str, str] = {
+        say("drives.climb_number", n=n): _climb(one) for n, one in enumerate(ride.get("climbs") or (), 1)
+    }
     return {
         "ascent": _with_sigma(ride.get("ascent_m"), ride.get("ascent_sigma_m"), "m", 0),
         "descent": _with_sigma(ride.get("descent_m"), ride.get("descent_sigma_m"), "m", 0),
-        "steepest 100 m": steep and f"{_grade(steep)}, from km {steep['from_m'] / 1000:.2f}{_on(steep)}",
+        "steepest 100 m": steep
+        and say("drives.steepest", grade=_grade(steep), km=steep["from_m"] / 1000, on=_on(steep)),
         **climbs,
     }
 
 
 def _climb(one: Mapping[str, Any]) -> str:
-    category = f", category {one['category']}" if one["category"] else ""
-    return (
-        f"km {one['from_m'] / 1000:.2f} to {one['to_m'] / 1000:.2f}{_on(one)}: {one['gain_m']:.0f} m up, "
-        f"{_grade(one)}, at most {one['maximum_percent']:.1f} %{category}"
+    category = say("drives.category", category=one["category"]) if one["category"] else ""
+    return say(
+        "drives.climb",
+        from_km=one["from_m"] / 1000,
+        to_km=one["to_m"] / 1000,
+        on=_on(one),
+        gain_m=one["gain_m"],
+        grade=_grade(one),
+        most=one["maximum_percent"],
+        category=category,
     )
 
 

@@ -14,6 +14,7 @@ import typer
 
 from app.cli.console import Console, write_json
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
+from app.core.messages import say
 
 if TYPE_CHECKING:
     from app.access.store import Key
@@ -52,7 +53,7 @@ def create(
         whose = store.create_owner(session, owner) if new_owner else the_owner(session, owner)
         key, secret = store.create_key(session, whose.id, label, scope, expires_at)
         note(session, "key made", key)
-    console.note(f"{_described(key)} It is shown this once:")
+    console.note(say("keys.once", key=_described(key)))
     typer.echo(secret)
 
 
@@ -88,7 +89,7 @@ def revoke(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None
         key = the_key(session, key_id)
         store.revoke_key(session, key.id)
         note(session, "key revoked", key)
-    console.note(f"{_described(key)} It is revoked.")
+    console.note(say("keys.revoked", key=_described(key)))
 
 
 def rotate(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None = DATA_DIR) -> None:
@@ -108,7 +109,7 @@ def rotate(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None
         note(session, "key rotated", key)
         if of_folder:
             renew_key(settings.data_dir, secret)
-    console.note(f"{_described(key)} Its secret is another one now, which is shown this once:")
+    console.note(say("keys.rotated", key=_described(key)))
     typer.echo(secret)
 
 
@@ -131,7 +132,7 @@ def link(
     with sessions(data_dir) as (settings, factory), factory.begin() as session:
         key = key_to_log_in(session, key_id, settings.data_dir)
         token = create_link(session, key.id)
-    console.note(f"{_described(key)} This logs one browser in, once, within an hour:")
+    console.note(say("keys.link", key=_described(key)))
     typer.echo(login_address(server or settings.public_url or settings.server, token))
 
 
@@ -148,8 +149,10 @@ def login_address(service: str, token: str, page: str | None = None) -> str:
 
 def _described(key: Key) -> str:
     """What a key is, in a sentence."""
-    expires = "" if key.expires_at is None else f", until {_minute(key.expires_at)}"
-    return f"Key {key.id} ({key.label}) of {key.owner}, scope {key.scope}{expires}."
+    expires = "" if key.expires_at is None else say("keys.until", moment=_minute(key.expires_at))
+    return say(
+        "keys.described", id=key.id, label=key.label, owner=key.owner, scope=key.scope, expires=expires
+    )
 
 
 def _row(key: Key) -> list[Any]:

@@ -13,6 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 from app.access import store
 from app.access.documents import Name
 from app.access.folder import read_key
+from app.cli.console import spoken
+from app.core.messages import say
 from app.core.telemetry import audit
 from fusion.errors import FusionError
 
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 
 ORIGIN = "versant keys"
 """What the audit log says of who it was: a person who may open the database."""
-LIST = "`versant keys list` lists them."
+LIST = say("keys.list")
 
 
 class KeysError(FusionError):
@@ -35,9 +37,7 @@ def usable_name(text: str, option: str) -> str:
     try:
         return TypeAdapter(Name).validate_python(text)
     except ValidationError:
-        raise typer.BadParameter(
-            "it must be 1 to 100 characters in one line.", param_hint=f"'{option}'"
-        ) from None
+        raise typer.BadParameter(spoken(say("keys.name")), param_hint=f"'{option}'") from None
 
 
 def note(session: Session, action: str, key: store.Key) -> None:
@@ -50,7 +50,7 @@ def the_owner(session: Session, name: str) -> store.Owner:
     found = store.owner_named(session, name)
     if found is None:
         names = ", ".join(owner.name for owner in store.owners(session))
-        raise KeysError(f"There is no owner {name}. There are: {names}. `--new-owner` of `create` makes one.")
+        raise KeysError(say("keys.no_owner", name=name, names=names))
     return found
 
 
@@ -58,7 +58,7 @@ def the_key(session: Session, key_id: uuid.UUID) -> store.Key:
     """The key of that id."""
     found = store.get_key(session, key_id)
     if found is None:
-        raise KeysError(f"There is no key {key_id}. {LIST}")
+        raise KeysError(say("keys.no_key", id=key_id, advice=LIST))
     return found
 
 
@@ -67,7 +67,7 @@ def usable_key(session: Session, key_id: uuid.UUID) -> store.Key:
     key = the_key(session, key_id)
     if not _is_valid(key):
         what = "has expired" if key.revoked_at is None else "is revoked"
-        raise KeysError(f"Key {key.id} {what}. {LIST}")
+        raise KeysError(say("keys.void", id=key.id, what=what, advice=LIST))
     return key
 
 
@@ -88,11 +88,11 @@ def key_to_log_in(session: Session, key_id: uuid.UUID | None, folder: Path) -> s
         operating = [key for key in store.list_keys(session) if key.scope == "operate" and _is_valid(key)]
         if len(operating) != 1:
             several = "several keys operate" if operating else "no key operates"
-            raise KeysError(f"Name a key: {several} this service. {LIST}")
+            raise KeysError(say("keys.which", what=several, advice=LIST))
         key_id = operating[0].id
     key = usable_key(session, key_id)
     if key.scope == "upload":
-        raise KeysError(f"Key {key.id} may only upload, and logs no browser in. {LIST}")
+        raise KeysError(say("keys.only_uploads", id=key.id, advice=LIST))
     return key
 
 

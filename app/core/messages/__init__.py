@@ -8,12 +8,13 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from fusion.messages import add_catalogues, said
+from fusion.messages import Message, add_catalogues, catalogue, said
 from fusion.messages import say as say
 
 SAID = "null where it has none. Pages say it so in their reader's language."
 
 add_catalogues(Path(__file__).parent)
+add_catalogues(Path(__file__).parent / "commands")  # what no page loads: command line, pictures
 
 
 class Said(BaseModel):
@@ -27,6 +28,12 @@ class Said(BaseModel):
         """Of a sentence; None where it has no key."""
         key = said(text)
         return None if key is None else cls(**key)
+
+
+def with_fault(text: str, item: Mapping[str, Any]) -> str:
+    """What a validator says in ``text`` of one of its ``errors()``, with a key where the catalogues have one."""
+    key = f"field.{item['type']}"
+    return Message(text, key, item.get("ctx", {})) if key in catalogue("en") else text
 
 
 def said_in(columns: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from starlette.types import Receive, Scope, Send
 from app.core.caller import STILL_KNOWN
 from app.core.errors import BusyError
 from app.core.http import text_answer
+from app.core.messages import say
 from app.core.receiving.clients import Shares, present_client
 
 HEARTBEAT_S = 15.0
@@ -98,8 +99,12 @@ class Followers(Generic[K, T]):
         client = present_client()
         if not self._streams.allows(client):
             raise BusyError(
-                f"{self._streams.total} event streams are open already, {self._streams.held[client]} of them yours. "
-                f"{self._instead}, or try again in a moment."
+                say(
+                    "stream.many",
+                    n=self._streams.total,
+                    yours=self._streams.held[client],
+                    instead=self._instead,
+                )
             )
         self._streams.take(client)
         follower = Follower[K, T](topic, client, self._join)

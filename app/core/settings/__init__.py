@@ -16,9 +16,11 @@ from urllib.parse import urlsplit
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_settings import SettingsConfigDict
 
+from app.core.messages import say, with_fault
 from app.core.settings.access import Access, HttpUrlText, PublicMap, is_loopback
 from app.core.settings.places import GIB
 from fusion.errors import FusionError
+from fusion.messages import joined
 
 ENV_PREFIX = "VERSANT_"
 ANY_ORIGIN = "*"
@@ -298,10 +300,12 @@ def get_settings() -> Settings:
 
 
 def _explain(error: ValidationError) -> str:
-    problems = []
+    problems: list[str] = []
     for item in error.errors():
         field = str(item["loc"][0]) if item["loc"] else ""
-        reason = item["msg"].removeprefix("Value error, ")
+        reason = with_fault(item["msg"].removeprefix("Value error, "), item)
         # The value is not repeated: a database URL holds a password.
-        problems.append(f"{ENV_PREFIX}{field.upper()}: {reason}" if field else reason)
-    return f"The settings cannot be used. {'; '.join(problems)}. Correct the environment and start again."
+        problems.append(
+            say("about", field=f"{ENV_PREFIX}{field.upper()}", reason=reason) if field else reason
+        )
+    return say("cli.settings", problems=joined(problems, "; "))

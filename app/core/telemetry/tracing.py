@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
+from app.core.messages import say
 from app.core.settings import Settings, SettingsError
 from app.core.telemetry.logs import present_ids
 
@@ -72,10 +73,7 @@ def begin_tracing(settings: Settings, process: str) -> None:
         from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter  # noqa: PLC0415
         from opentelemetry.sdk.trace.export import BatchSpanProcessor  # noqa: PLC0415
     except ImportError as error:
-        raise SettingsError(
-            "VERSANT_OTLP_ENDPOINT is set, but OpenTelemetry is not installed. Install it by `pip install "
-            "'versant[otel]'`, or unset the variable."
-        ) from error
+        raise SettingsError(say("cli.no_otel")) from error
     begin_tracing_to(BatchSpanProcessor(OTLPSpanExporter(settings.otlp_endpoint + TRACES_PATH)), process)
 
 

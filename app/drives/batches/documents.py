@@ -11,8 +11,10 @@ from pydantic import AfterValidator, BaseModel, Field
 
 from app.core.db import Bounds
 from app.core.http import Link
+from app.core.messages import SAID, Said, say
 from app.core.text import Moment
 from app.core.version import code_version
+from fusion.messages import joined
 from fusion.registry import DEFAULT_METHOD
 
 EXAMPLE_BATCH = "http://127.0.0.1:8000/v1/drives/reprocess?batch=7"
@@ -135,6 +137,7 @@ class BatchAccepted(BaseModel, json_schema_extra={"examples": [_ACCEPTED]}):
         f"whose log was deleted (`{LOG_DELETED}`), done ones as well.",
     )
     note: str | None = Field(None, description="Why these were left out, or why no drive was chosen.")
+    note_said: Said | None = Field(None, description=f"The same by its key; {SAID}")
     links: list[Link]
 
 
@@ -196,41 +199,23 @@ def note(
     hopeless = {kind: count for kind, count in skipped.items() if kind != LOG_DELETED}
     if hopeless:
         kinds = ", ".join(f"{count} {kind}" for kind, count in hopeless.items())
-        sentences.append(
-            f"{_drives(sum(hopeless.values()), 'failed ')} left out, because this version of the code has found that "
-            f"the log itself cannot be used, and would again: {kinds}. To try all the same, name the drive (--drive "
-            "ID), name the kind of failure (--failure KIND, failure=KIND), or use --force (force=true)."
-        )
+        sentences.append(say("batch.hopeless", n=sum(hopeless.values()), kinds=kinds))
     if without := skipped.get(LOG_DELETED):
-        sentences.append(
-            f"{_drives(without)} left out, because the log was deleted: the owner keeps logs no longer. What was "
-            "computed stays."
-        )
+        sentences.append(say("batch.log_deleted", n=without))
     if not chosen and not skipped:
-        sentences.append(f"Nothing was chosen. {_why_none(selection, method, standing)}")
-    return " ".join(sentences) or None
+        sentences.append(say("batch.nothing", why=_why_none(selection, method, standing)))
+    return joined(sentences) if sentences else None
 
 
 def _why_none(selection: Selection, method: str | None, standing: Standing) -> str:
     if not standing.ended:
-        waiting = f" {_drives(standing.under_way)} waiting or running already." if standing.under_way else ""
-        return f"No drive is done or failed.{waiting}"
+        waiting = say("batch.under_way", n=standing.under_way) if standing.under_way else ""
+        return joined([say("batch.none_ended"), waiting])
     if selection.model_dump(exclude={"which", "force"}, exclude_none=True):
-        return (
-            f"Of {standing.ended} that are done or failed, no drive fits all that was asked for; fewer filters choose "
-            "more."
-        )
+        return say("batch.none_fits", n=standing.ended)
     return {
-        Which.OTHER: f"Of {standing.ended} that are done or failed, every drive is of the method {method} already. "
-        "--all (which=all) chooses each of them, --stale (which=stale) those that another version of the code or other "
-        "defaults computed, --failed (which=failed) those that failed.",
-        Which.STALE: f"Of {standing.ended} that are done or failed, no drive has estimates that are stale: all were "
-        f"computed by this version of the code ({code_version()}) with the defaults of now. --all (which=all) chooses "
-        "each of them, --failed (which=failed) those that failed.",
-        Which.FAILED: "No drive is failed.",
+        Which.OTHER: say("batch.all_of_method", n=standing.ended, method=method),
+        Which.STALE: say("batch.none_stale", n=standing.ended, version=code_version()),
+        Which.FAILED: say("batch.none_failed"),
         Which.ALL: "",  # it chooses every drive that ended
     }[selection.which]
-
-
-def _drives(count: int, what: str = "") -> str:
-    return f"{count} {what}drive is" if count == 1 else f"{count} {what}drives are"

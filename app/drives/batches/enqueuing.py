@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.errors import BadRequestError
+from app.core.messages import say
 from app.core.telemetry import audit
 from app.core.telemetry.logs import tell
 from app.drives.batches import store
@@ -83,8 +84,7 @@ def cancel(
     with sessions.begin() as session:
         if not store.cancel_batch(session, batch):
             raise BadRequestError(
-                "This batch cannot be cancelled: it is an import, whose drives can be removed, or an update of the "
-                "service computes its drives again, because what they said before cannot be read any more.",
+                say("batch.stays"),
                 field="batch",
             )
         if origin is not None:

@@ -176,13 +176,11 @@ def _ids(query: list[str] | None) -> tuple[uuid.UUID, ...] | None:
         return None
     named = [one.strip() for text in query for one in text.split(",") if one.strip()]
     if not named or len(named) > MOST_IDS:
-        raise BadRequestError(f"ids: name 1 to {MOST_IDS} drives.", field="ids")
+        raise BadRequestError(say("drives.ids_number", most=MOST_IDS), field="ids")
     try:
         return tuple(dict.fromkeys(uuid.UUID(one) for one in named))
     except ValueError:
-        raise BadRequestError(
-            "ids: each is the id of a drive, as the list of drives tells it.", field="ids"
-        ) from None
+        raise BadRequestError(say("drives.ids"), field="ids") from None
 
 
 def _sentence(sums: Sums, dry_run: bool) -> str:

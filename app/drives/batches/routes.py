@@ -9,6 +9,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from app.core.errors import BadQueryError, BadRequestError
 from app.core.http import BaseUrl, Service, ServiceDep, existing, link, problems
+from app.core.messages import Said
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry.audit import Origin
 from app.drives.batches import enqueuing
@@ -63,13 +64,15 @@ def reprocess_drives(
         response.headers["Location"] = address
         complete = _seen(service, base, number).state != "enqueuing"
         links = [link(address, "monitor", title="Its progress")]
+    told = note(selection, method, count, skipped, before)
     return BatchAccepted(
         queued=count,
         complete=complete,
         method=method,
         dry_run=query.dry_run,
         skipped=skipped,
-        note=note(selection, method, count, skipped, before),
+        note=told,
+        note_said=None if told is None else Said.of(told),
         links=links,
     )
 

@@ -40,12 +40,13 @@ class Drawing:
         title: str,
         measurements: DrawnMeasurements | None,
         datum: str | None = None,
+        language: str = "en",
     ) -> bytes:
         """The PNG; ``NotReadyError`` when the process ends or stays silent over it."""
         with self._lock:
             for _ in range(2):  # a process that ended while idle, for lack of memory say, is noticed only now
                 try:
-                    return self._draw(profile, title, measurements, datum)
+                    return self._draw(profile, title, measurements, datum, language)
                 except (EOFError, OSError):
                     self._stop()
         raise NotReadyError(say("service.no_picture"))

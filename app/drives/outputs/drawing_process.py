@@ -7,6 +7,9 @@ import sys
 import traceback
 from multiprocessing.connection import Connection
 
+import app.core.messages  # noqa: F401 - adds its catalogues
+from fusion.messages import speaking
+
 
 def draw(pipe: Connection) -> None:
     """Draw what comes until the other end closes, as it does however that process ends."""
@@ -14,11 +17,12 @@ def draw(pipe: Connection) -> None:
 
     while True:
         try:
-            profile, title, measurements, datum = pipe.recv()
+            profile, title, measurements, datum, language = pipe.recv()
         except EOFError:
             return
         try:
-            answer = (profile_png(profile, title, measurements, datum=datum), "")
+            with speaking(language):
+                answer = (profile_png(profile, title, measurements, datum=datum), "")
         except Exception:  # whatever it is: the next picture may be drawn
             answer = (b"", traceback.format_exc())
         pipe.send(answer)

@@ -14,8 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.projections.polar import PolarAxes
 
-from app.drives.outputs.profile_picture import MUTED, SEGMENT, printable, written
+from app.core.messages import say
+from app.drives.outputs.profile_picture import MUTED, SEGMENT, in_words, printable, written
 from fusion.gnss.measurements import Measurements, Solution
+from fusion.messages import told
 from fusion.published.positioning.laws import LawTest, fit_law, quantile_pairs
 from fusion.types import Floats
 
@@ -57,7 +59,7 @@ def gnss_figure(measured: Measurements, solution: Solution, laws: list[LawTest],
     _draw_time(figure.add_subplot(grid[1, 2]), measured, solution)
     figure.text(0.008, TITLE_Y + 0.008, title, ha="left", fontsize=13, color=SEGMENT)
     figure.text(0.995, TITLE_Y + 0.008, _summary(measured, solution), ha="right", fontsize=10, color=MUTED)
-    return figure
+    return in_words(figure)
 
 
 def _draw_sky(figure: Figure, axes: PolarAxes, measured: Measurements, solution: Solution) -> None:
@@ -157,7 +159,9 @@ def _draw_laws(best: Axes, worst: Axes, residual_m: Floats, laws: list[LawTest])
         axes.set_ylim(*ends)
         axes.plot(ends, ends, color=MUTED, lw=1.0, ls=(0, (4, 3)), zorder=1)
         axes.plot(law[keep], seen[keep], ls="none", marker="o", ms=3, mew=0, color=MIDDLE, zorder=2)
-        axes.set_title(f"{word} law: {test[0].law} (KS {test[0].ks:.3f})", loc="left", fontsize=10)
+        axes.set_title(
+            told(say("picture.law", which=word, law=test[0].law, ks=test[0].ks)), loc="left", fontsize=10
+        )
 
 
 def _ends(law: Floats, seen: Floats) -> tuple[float, float]:
@@ -221,5 +225,5 @@ def _thinned(rows: Any) -> Any:
 def _summary(measured: Measurements, solution: Solution) -> str:
     solved, epochs = int(solution.solved.sum()), len(measured)
     predicted = int(np.sum(solution.predicted & solution.solved))
-    positions = f"{solved} of {epochs} epochs with a position, {predicted} by the motion alone"
-    return f"{positions}; {len(measured.names)} satellites"
+    positions = say("picture.epochs", n=solved, all=epochs, predicted=predicted)
+    return told(say("picture.satellites", positions=positions, n=len(measured.names)))

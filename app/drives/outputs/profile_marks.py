@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from app.core.messages import say
 from app.drives.outputs.profile import Profile
+from fusion.messages import told
 from fusion.types import DrawnMeasurements, Floats, Ints
 
 Mask = NDArray[np.bool_]
@@ -87,7 +89,7 @@ def dots_of(profile: Profile, measurements: DrawnMeasurements) -> Iterator[Dots]
         label, colour = _LOOKS.get(one.name, (one.name, _OTHER_LOOK))
         moved = one.shift_m or 0.0
         thinning = slice(None, None, -(-len(one.value) // MOST_DOTS))
-        label += f", moved by {moved:+.0f} m" if moved else ""
+        label = told(say("picture.moved", name=label, metres=moved) if moved else label)
         yield Dots(label, colour, one.is_height, one.along_m[thinning], one.value[thinning] + moved)
 
 
@@ -157,12 +159,8 @@ def datum_words(report: Mapping[str, Any]) -> str:
     """What the heights of a drive refer to, by its report."""
     datum, dem = report.get("height_datum"), report.get("dem_datum")
     if datum:
-        return f"Heights: {datum}."
-    return (
-        f"Heights: those of the elevation model ({dem})."
-        if dem
-        else "What the heights refer to is not known."
-    )
+        return say("picture.datum", datum=datum)
+    return say("picture.dem", dem=dem) if dem else say("picture.no_datum")
 
 
 def stretches(profile: Profile, mask: Mask, least_s: float = 0.0) -> Floats:

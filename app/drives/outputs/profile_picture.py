@@ -16,8 +16,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
+from app.core.messages import say
 from app.drives.outputs.profile import Profile
 from app.drives.outputs.profile_marks import (
     LEAST_HEIGHT_M,
@@ -33,6 +35,7 @@ from app.drives.outputs.profile_marks import (
     steps_of,
     stretches,
 )
+from fusion.messages import told
 from fusion.types import DrawnMeasurements, Floats
 
 HEIGHT, GRADE, SEGMENT, MUTED = "#17507a", "#b3471a", "#1c2328", "#5f6b73"
@@ -106,7 +109,15 @@ def profile_figure(
     figure.text(0.995, TITLE_Y, _summary(profile), ha="right", fontsize=10, color=MUTED)
     for k, line in enumerate(_notes(profile, datum)):
         y = NOTES_Y - NOTE_STEP * (k + 0.9)
-        figure.text(0.008, y, printable(line, 180), fontsize=9, color=MUTED)
+        figure.text(0.008, y, printable(told(line), 180), fontsize=9, color=MUTED)
+    return in_words(figure)
+
+
+def in_words(figure: Figure) -> Figure:
+    """The figure with its fixed texts in the language that is spoken here."""
+    for text in figure.findobj(Text):
+        if (words := told(text.get_text())) != text.get_text():
+            text.set_text(words)
     return figure
 
 
@@ -120,10 +131,11 @@ def _notes(profile: Profile, datum: str | None) -> list[str]:
     """What heights refer to, and why slopes of segments are not the line's, and where."""
     steps = steps_of(profile)
     off, count = int(apart(profile, steps).sum()), len(steps.slope_percent)
-    marked = (
-        f"; circles: {off} of {count} bars do not reach the line's mean over their segment" if off else ""
-    )
-    return [*([datum] if datum else []), *([BARS, f"{DIFFER}{marked}."] if count else [])]
+    marked = say("picture.circles", n=off, all=count) if off else ""
+    return [
+        *([datum] if datum else []),
+        *([BARS, say("picture.differ", differ=DIFFER, marked=marked)] if count else []),
+    ]
 
 
 def _draw_heights(axes: Axes, profile: Profile, dots: Sequence[Dots]) -> None:
@@ -220,9 +232,9 @@ def _limit(axes: Axes, ends: tuple[float, float] | None, dots: Sequence[Dots]) -
     value = _values(dots)
     outside = int(np.sum((value < ends[0]) | (value > ends[1])))
     if outside:
-        text = f"{outside} of {len(value)} dots lie outside"
+        text = say("picture.outside", n=outside, all=len(value))
         axes.text(
-            0.995, 0.02, text, transform=axes.transAxes, ha="right", fontsize=8.5, color=MUTED, zorder=6,
+            0.995, 0.02, told(text), transform=axes.transAxes, ha="right", fontsize=8.5, color=MUTED, zorder=6,
             bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 1.5},
         )  # fmt: skip
 
@@ -276,6 +288,7 @@ def _length_km(profile: Profile) -> float:
 
 def _summary(profile: Profile) -> str:
     if not len(profile):
-        return "no positions"
+        return told("no positions")
     seconds = round(float(profile.time_s[-1] - profile.time_s[0]))
-    return f"{_length_km(profile):.1f} km, {seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d} h"
+    time = f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    return told(say("picture.length", km=_length_km(profile), time=time))

@@ -1,12 +1,15 @@
 """The result of a drive in one line, after its log was given: the same for files and for a service.
 
-Loads nothing, since clients say it, too.
+Loads nothing but words, since clients say it, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
+
+from app.core.messages import say
+from fusion.messages import joined
 
 
 def summary(name: str, report: Mapping[str, Any]) -> str:
@@ -20,8 +23,8 @@ def summary(name: str, report: Mapping[str, Any]) -> str:
         _sigma(report.get("median_slope_sigma_percent")),
         _terrain(report),
     ]
-    facts = ", ".join(part for part in parts if part)
-    return f"{name}: {facts}." if facts else f"{name}: processed."
+    facts = joined(parts, ", ")
+    return say("summary.facts", name=name, facts=facts) if facts else say("summary.processed", name=name)
 
 
 def _length(distance_m: float | None) -> str:
@@ -33,11 +36,11 @@ def _length(distance_m: float | None) -> str:
 def _segments(count: int | None) -> str:
     if count is None:
         return ""
-    return {0: "no segment got a slope", 1: "1 segment"}.get(count, f"{count:,} segments")
+    return say("summary.segments", n=count) if count else say("summary.no_slope")
 
 
 def _sigma(sigma_percent: float | None) -> str:
-    return "" if sigma_percent is None else f"median sigma {sigma_percent:.2g} %"
+    return "" if sigma_percent is None else say("summary.sigma", percent=sigma_percent)
 
 
 def _terrain(report: Mapping[str, Any]) -> str:
@@ -45,7 +48,7 @@ def _terrain(report: Mapping[str, Any]) -> str:
         return ""
     share = report["dem_share"]
     if share is None:
-        return "no elevation model"
+        return say("summary.no_model")
     if report.get("dem_only"):
-        return "by the elevation model alone"
-    return "" if share else "no elevation model there"
+        return say("summary.model_alone")
+    return "" if share else say("summary.no_model_there")

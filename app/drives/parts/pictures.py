@@ -40,15 +40,19 @@ def picture_to_keep(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> 
     return picture
 
 
-def picture_to_hand_on(service: Service, drawing: Drawing, drive_id: uuid.UUID) -> bytes:
-    """The picture of what is left without the ends of the trip. It is not kept: places and zones may change."""
-    return _draw(service, drawing, drive_id, "hidden")[1]
+def picture_of_its_own(
+    service: Service, drawing: Drawing, drive_id: uuid.UUID, ends: Ends, language: str
+) -> bytes:
+    """A picture that is not kept: without the ends of the trip, as places and zones may change, or not in English."""
+    return _draw(service, drawing, drive_id, ends, language)[1]
 
 
-def _draw(service: Service, drawing: Drawing, drive_id: uuid.UUID, ends: Ends) -> tuple[Drive, bytes]:
+def _draw(
+    service: Service, drawing: Drawing, drive_id: uuid.UUID, ends: Ends, language: str = "en"
+) -> tuple[Drive, bytes]:
     with service.reading() as session:
         drive, track = drive_and_track(session, drive_id, ends)
         profile = drive_profile(session, drive_id, track)
         measurements = shown_measurements(tracks.read_measurements(session, drive_id), track, ends)
     datum = datum_words(drive.report or {})
-    return drive, drawing.profile(profile, drive.filename, measurements, datum)
+    return drive, drawing.profile(profile, drive.filename, measurements, datum, language)

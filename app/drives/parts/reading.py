@@ -159,9 +159,7 @@ def form_of(f: str | None, accept: str | None, forms: Mapping[str, str]) -> str:
         names[JSON] = names[GEO_JSON]
     media_type = preferred(accept, tuple(names))
     if media_type is None:
-        raise NotAcceptableError(
-            f"This is to be had as {', '.join(forms.values())}; Accept allows none of these.", field="Accept"
-        )
+        raise NotAcceptableError(say("query.not_accepted", names=", ".join(forms.values())), field="Accept")
     return names[media_type]
 
 

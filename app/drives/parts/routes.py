@@ -26,7 +26,7 @@ from app.core.http import (
 )
 from app.core.http import link_documents as documents
 from app.core.query import cursor_of, parse_cursor
-from app.core.text import GEO_JSON
+from app.core.text import GEO_JSON, language_of
 from app.drives import store as drives
 from app.drives.documents import Drive, drive_address
 from app.drives.outputs.drawing import Drawing
@@ -36,7 +36,7 @@ from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA
 from app.drives.outputs.profile_marks import datum_words
 from app.drives.outputs.track import TRACK_EXAMPLE, track_chunks
 from app.drives.outputs.track_files import track_csv, track_gpx
-from app.drives.parts.pictures import kept_picture, picture_to_hand_on, picture_to_keep
+from app.drives.parts.pictures import kept_picture, picture_of_its_own, picture_to_keep
 from app.drives.parts.reading import (
     CSV,
     ESTIMATES,
@@ -165,18 +165,24 @@ async def get_profile(
 
     JSON, or a PNG where the Accept header prefers `image/png` or `f=png` asks for it, or a CSV of the same columns.
     Pictures are drawn one at a time and kept; where many wait the answer is 503. `points` makes columns short enough to
-    be drawn at once; a picture shows all. With `ends=hidden` a picture is drawn anew each time.
+    be drawn at once; a picture shows all. With `ends=hidden`, and in another language
+    than English (Accept-Language), a picture is drawn anew each time.
     """
     form = form_of(f, request.headers.get("accept"), PROFILES)
     if form != "png":
         return await profile_answer(service, run_of_drive(drive_id, ends), form, points)
-    picture = None if ends else await run_in_threadpool(kept_picture, service, drive_id)
+    language = language_of(request.headers.get("accept-language", ""))
+    kept = ends is None and language == "en"
+    picture = await run_in_threadpool(kept_picture, service, drive_id) if kept else None
     if picture is None:
         drawing: Drawing = request.app.state.drawing
         async with drawing.request_class.place():
-            draw = picture_to_hand_on if ends else picture_to_keep
-            picture = await run_in_threadpool(draw, service, drawing, drive_id)
-    return Response(picture, media_type=PNG, headers=VARY)
+            if kept:
+                picture = await run_in_threadpool(picture_to_keep, service, drawing, drive_id)
+            else:
+                own = picture_of_its_own
+                picture = await run_in_threadpool(own, service, drawing, drive_id, ends, language)
+    return Response(picture, media_type=PNG, headers={"Vary": "Accept, Accept-Language"})
 
 
 @router.get(

@@ -63,9 +63,7 @@ def _begin(session: Session, owner_id: int, name: str) -> tuple[uuid.UUID, list[
     if (before := store.removal_of(session, owner_id)) is not None:
         return before, None
     if existing(present, "owner", owner_id) != name:
-        raise BadRequestError.about(
-            "name", "it is not the name of this owner, which confirms that it is meant."
-        )
+        raise BadRequestError.about("name", say("access.not_its_name"))
     removal_id = store.begin(session, owner_id, name, store.counts_of(session, owner_id))
     return removal_id, store.clear(session, owner_id)
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
+from app.core.messages import say
 from app.core.version import code_version
 from app.exports.format import Format, Stated
 from app.exports.writing.inclines import InclineOptions, Section, proposals
@@ -76,10 +77,7 @@ class Josm(Format):
                 file.writelines(layer_ways(way, sections, numbers))
             file.write("</osm>\n")
         if proposed and not versions:
-            source.note(
-                "The imported files have no versions of objects, so version is 1 throughout: download the present "
-                "state into another layer before you take anything over."
-            )
+            source.note(say("export.no_versions"))
         return len(steep)
 
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
+from app.core.messages import say
 from app.core.text import COORDINATE_DIGITS, dumps
 from app.exports.format import Format, Stated
 from app.exports.writing.inclines import InclineOptions, Section, proposals
@@ -68,7 +69,7 @@ class MapRoulette(Format):
                     count += 1
         if other:
             missing = Tasks.SPLIT if options.kind is Tasks.TAGS else Tasks.TAGS
-            source.note(f"{other} more sections are in the other file: write it with kind={missing}.")
+            source.note(say("export.other_kind", n=other, kind=missing))
         return count
 
 

@@ -63,7 +63,10 @@ class OsmEle(Format):
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write the file; the number of nodes with ``ele``. ``RoadsError`` where no height is known at all."""
         if (form := FORMATS.get(path.suffix.lower())) is None:
-            raise BadOptionsError(f"{path.name}: {self.name} writes {', '.join(self.suffixes)}.", where="out")
+            raise BadOptionsError(
+                say("export.writes", file=path.name, format=self.name, names=", ".join(self.suffixes)),
+                where="out",
+            )
         own_roads = options.osm is None
         files = source.road_files if own_roads else (options.osm,)
         nodes = read_nodes(files, source.bbox if own_roads else None, roads_only=own_roads)

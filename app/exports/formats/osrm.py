@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import Field
 
+from app.core.messages import say
 from app.exports.format import Format, NoOptions, Stated
 from app.map.segment import Segment
 from fusion.types import Floats
@@ -246,6 +247,6 @@ class OsrmSpeeds(Format):
                     count += 1
                 level += slope is None
         if level:
-            source.note(f"Of {level} segments no slope is known at all: their speeds are those on the level.")
-        source.note(f"OSRM's lines have no place for whose data they are: {stated.get('attribution', '')}.")
+            source.note(say("export.speeds_level", n=level))
+        source.note(say("export.osrm_credit", credit=stated.get("attribution", "")))
         return count

@@ -28,11 +28,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from app.core.messages import say
 from app.exports.format import Format, NoOptions, Stated
 from app.exports.formats.osm_ele import heights_of
 from app.exports.formats.osrm import Unmeasured, directions, slope_of
 from app.exports.writing.osm_files import read_nodes
 from fusion.errors import BadOptionsError
+from fusion.messages import joined
 from fusion.types import Floats
 
 if TYPE_CHECKING:
@@ -91,8 +93,7 @@ class RouteeGrades(Format):
             return _write_network(source, path, stated, options.unit)
         if options.edges is None or options.vertices is None:
             raise BadOptionsError(
-                f"{self.name}: a list of grades alone is in the order of your edges: name edges=edges-compass.csv.gz "
-                "and vertices=vertices-mapping.csv.gz, or write a .zip with a network of its own.",
+                say("export.grades_alone", format=self.name),
                 where="edges",
             )
         grades = _grades_of(source, options.edges, options.vertices)
@@ -128,7 +129,7 @@ def _write_network(source: Source, path: Path, stated: Stated, unit: GradeUnit) 
                     shutil.copyfileobj(file, member, 1 << 20)
             archive.writestr(zipfile.ZipInfo("README.txt", _DATE), _readme(stated, unit, unknown))
     if unknown:
-        source.note(f"Of {unknown} edges no slope is known at all: they count as level.")
+        source.note(say("export.edges_level", n=unknown))
     return edges
 
 
@@ -180,7 +181,7 @@ def _grades_of(source: Source, edges: Path, vertices: Path) -> Floats:
     order = np.argsort(number)
     if not np.array_equal(number[order], np.arange(len(number))):
         raise BadOptionsError(
-            f"{edges.name}: edge_id does not count from 0 without gaps, so no line of a list can be an edge's.",
+            say("export.edges_gaps", file=edges.name),
             where="edges",
         )
     nodes = read_nodes(source.road_files, source.bbox)
@@ -192,10 +193,7 @@ def _grades_of(source: Source, edges: Path, vertices: Path) -> Floats:
     grade = (ends[1] - ends[0]) / np.maximum(distance[order].astype(float), 0.1)
     unknown = np.isnan(grade)
     if unknown.any():
-        source.note(
-            f"Of {np.count_nonzero(unknown)} of {len(grade)} edges an end is no node of a road here: they count as "
-            "level. Import the roads that they were made from."
-        )
+        source.note(say("export.edges_elsewhere", n=np.count_nonzero(unknown), all=len(grade)))
     return np.where(unknown, 0.0, grade)
 
 
@@ -210,13 +208,18 @@ def _columns(path: Path, names: tuple[str, ...]) -> tuple[Any, ...]:
             rows = csv.DictReader(file)
             if missing := [name for name in names if name not in (rows.fieldnames or ())]:
                 raise BadOptionsError(
-                    f"{path.name} has no column {' and none '.join(missing)}.", where=path.name
+                    say("export.lacks_columns", file=path.name, names=joined(missing, " and none ")),
+                    where=path.name,
                 )
             for row in rows:
                 for name, kind in kinds.items():
                     values[name].append(kind(row[name]))
     except (OSError, EOFError, UnicodeDecodeError) as error:
-        raise BadOptionsError(f"{path} cannot be read: {error}.", where=path.name) from error
+        raise BadOptionsError(
+            say("export.cannot_be_read", file=path, error=error), where=path.name
+        ) from error
     except (ValueError, TypeError) as error:
-        raise BadOptionsError(f"{path.name}, line {rows.line_num}: {error}.", where=path.name) from error
+        raise BadOptionsError(
+            say("export.line", file=path.name, line=rows.line_num, error=error), where=path.name
+        ) from error
     return tuple(np.array(values[name], kind) for name, kind in kinds.items())

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from app.core.errors import BadRequestError
+from app.core.messages import say
 from fusion.types import Floats
 
 ENCODED = "enc:"
@@ -25,12 +26,12 @@ def from_pairs(lat_lon_deg: Sequence[tuple[float, float]] | Floats, field: str) 
     """Rows of longitude and latitude, degrees, shape (n, 2); ``BadRequestError`` where one is none on Earth."""
     places = np.array(lat_lon_deg, float).reshape(-1, 2)[:, ::-1].copy()
     if not len(places):
-        raise BadRequestError.about(field, "it names no place.")
+        raise BadRequestError.about(field, say("heights.no_place"))
     bad = np.flatnonzero(~((np.abs(places[:, 0]) <= 180) & (np.abs(places[:, 1]) <= 90)))
     if len(bad):
         raise BadRequestError.about(
             field,
-            f"place {bad[0] + 1} is none on Earth. Latitude goes from -90 to 90, longitude from -180 to 180.",
+            say("heights.not_on_earth", n=bad[0] + 1),
         )
     return places
 
@@ -46,9 +47,7 @@ def from_text(text: str, field: str, most: int) -> Floats:
         try:
             lat, lon = (float(number) for number in part.split(","))
         except ValueError:
-            raise BadRequestError.about(
-                field, f"place {n} is {part[:40]!r}. Write latitude,longitude in degrees, places parted by |."
-            ) from None
+            raise BadRequestError.about(field, say("heights.no_pair", n=n, text=part[:40])) from None
         pairs.append((lat, lon))
     return from_pairs(pairs, field)
 
@@ -76,7 +75,7 @@ def from_polyline(text: str, digits: int, field: str, most: int) -> Floats:
 def check_number(places: int, field: str, most: int) -> None:
     """``BadRequestError`` for more places than one request may ask for."""
     if places > most:
-        raise BadRequestError.about(field, f"{places} places; one request takes {most}. Ask in parts.")
+        raise BadRequestError.about(field, say("heights.many", n=places, most=most))
 
 
 def spread(places: Floats, count: int) -> Floats:
@@ -94,4 +93,4 @@ def distances_along_m(places: Floats) -> Floats:
 
 
 def _malformed(field: str, where: str) -> BadRequestError:
-    return BadRequestError.about(field, f"this is no encoded polyline; it breaks at {where!r}.")
+    return BadRequestError.about(field, say("heights.no_polyline", where=where))

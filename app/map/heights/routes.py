@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from app.core.errors import BadRequestError
 from app.core.http import OfTheMap, Service, ServiceDep, problems
+from app.core.messages import say
 from app.core.standby.use import MapRoute
 from app.map.heights import places as reading
 from app.map.heights.grades import HALF_M, Climb, Grades, climb_of, grades_of, moved
@@ -166,7 +167,7 @@ def get_height(
         where = ".".join(str(part) for part in first["loc"])
         raise BadRequestError.about("json", f"{where}: {first['msg']}.") from None
     except (ValueError, RecursionError):
-        raise BadRequestError.about("json", "this is no JSON object.") from None
+        raise BadRequestError.about("json", say("heights.no_object")) from None
     return _answer(service, request)
 
 
@@ -214,13 +215,13 @@ def elevation(
     """
     del key
     if (locations is None) == (path is None):
-        raise BadRequestError("Give locations, or path with samples.", field="locations")
+        raise BadRequestError(say("heights.give_locations"), field="locations")
     if path is not None:
         if samples is None:
-            raise BadRequestError.about("samples", "how many places along path? 2 or more.")
+            raise BadRequestError.about("samples", say("heights.samples"))
         line = reading.from_text(path, "path", MOST_LOCATIONS)
         if len(line) < 2:
-            raise BadRequestError.about("path", "a line has two places or more.")
+            raise BadRequestError.about("path", say("heights.line"))
         places = reading.spread(line, samples)
     else:
         places = reading.from_text(locations or "", "locations", MOST_LOCATIONS)
@@ -284,7 +285,7 @@ def _slopes(grades: Grades, climb: Climb) -> dict[str, Any]:
 
 def _places(request: HeightRequest) -> Floats:
     if (request.shape is None) == (request.encoded_polyline is None):
-        raise BadRequestError("Give shape or encoded_polyline, one of them.", field="shape")
+        raise BadRequestError(say("heights.give_shape"), field="shape")
     if request.shape is not None:
         reading.check_number(len(request.shape), "shape", reading.MOST_PLACES)
         return reading.from_pairs([(one.lat, one.lon) for one in request.shape], "shape")

@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 
 from app.core.errors import NotFoundError
 from app.core.http import JSON, BaseUrl, Link, Service, ServiceDep, link, link_documents
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.standby.use import MapRoute
 from app.core.text import GEO_JSON, utc_text
@@ -138,8 +139,8 @@ for _collection in COLLECTIONS.values():
 def no_such_collection(collection_id: str, rest: str = "") -> Response:
     """Say which there are."""
     if collection_id in COLLECTIONS:
-        raise NotFoundError(f"There is nothing at /collections/{collection_id}/{rest}.")
-    raise NotFoundError(f"There is no collection {collection_id!r}. There are: {', '.join(COLLECTIONS)}.")
+        raise NotFoundError(say("items.nothing_at", collection=collection_id, rest=rest))
+    raise NotFoundError(say("items.no_collection", name=collection_id, names=", ".join(COLLECTIONS)))
 
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -16,6 +16,8 @@ from typing import Any, NoReturn
 import cql2
 
 from app.core.errors import BadQueryError
+from app.core.messages import say
+from fusion.messages import message_of
 
 TEXT, JSON = "cql2-text", "cql2-json"
 LANGUAGES = (TEXT, JSON)
@@ -42,15 +44,15 @@ _EXPECTED = re.compile(r"= expected (.+)$", re.DOTALL)
 def parse_filter(text: str, language: str) -> Any:
     """The tree of a filter: dicts, lists, texts, numbers, truth values. Raises ``BadQueryError``."""
     if len(text) > LONGEST_CHARACTERS:
-        refuse(f"it has {len(text)} characters; there may be {LONGEST_CHARACTERS}")
+        refuse(say("filter.characters", n=len(text), most=LONGEST_CHARACTERS))
     if forbidden := NO_TEXT.search(text):
-        refuse(f"character {forbidden.start() + 1} cannot be part of a text")
+        refuse(say("filter.no_character", n=forbidden.start() + 1))
     return _of_json(text) if language == JSON else _of_text(text)
 
 
 def refuse(reason: str) -> NoReturn:
     """Raise ``BadQueryError`` about the filter."""
-    raise BadQueryError.about("filter", f"{reason}.")
+    raise BadQueryError.about("filter", say("filter.reason", reason=reason))
 
 
 def _of_text(text: str) -> Any:
@@ -68,24 +70,21 @@ def _of_json(text: str) -> Any:
         # Whole numbers stay exact, which the library's are not.
         tree = json.loads(text, parse_constant=_no_number)
     except RecursionError:
-        refuse(f"it is nested deeper than {DEEPEST}")
+        refuse(say("filter.nested", most=DEEPEST))
     except json.JSONDecodeError as error:
-        refuse(f"it is no JSON: {error.msg} at character {error.pos + 1}")
+        refuse(say("filter.no_json", error=error.msg, n=error.pos + 1))
     except ValueError as error:
-        refuse(str(error))
+        refuse(message_of(error))
     _check_depth(tree)
     try:
         cql2.parse_json(text)
     except Exception as error:  # as above
-        refuse(
-            f"it is JSON but no CQL2 ({error}). An expression is a value, or "
-            '{"op": ..., "args": [...]}, or {"property": ...}'
-        )
+        refuse(say("filter.no_cql", error=error))
     return tree
 
 
 def _no_number(name: str) -> NoReturn:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(say("filter.no_json_number", name=name))
 
 
 def _check_depth(tree: Any) -> None:
@@ -95,7 +94,7 @@ def _check_depth(tree: Any) -> None:
         level = [one for one in level if isinstance(one, dict | list)]
         level = [one for some in level for one in (some.values() if isinstance(some, dict) else some)]
     if level:
-        refuse(f"it is nested deeper than {DEEPEST} operators. AND, OR and IN take any number of parts")
+        refuse(say("filter.deep", most=DEEPEST))
 
 
 def _check_size(text: str) -> None:
@@ -103,15 +102,10 @@ def _check_size(text: str) -> None:
     bare = _COORDINATES.sub(_blank, _QUOTED.sub(_blank, text))
     effort = _effort(bare)
     if effort > MOST_EFFORT:
-        refuse(
-            f"its brackets are nested too deep for its length: characters inside n brackets count 2^n times, {effort} "
-            f"in all, and there may be {MOST_EFFORT}. Leave out brackets, or write it in {JSON}"
-        )
+        refuse(say("filter.brackets_effort", n=effort, most=MOST_EFFORT, json=JSON))
     operators = len(_OPERATORS.findall(bare))
     if operators > MOST_OPERATORS:
-        refuse(
-            f"it has {operators} operators; there may be {MOST_OPERATORS}. A list is shorter: name IN ('a', 'b')"
-        )
+        refuse(say("filter.operators", n=operators, most=MOST_OPERATORS))
 
 
 def _blank(match: re.Match[str]) -> str:
@@ -134,7 +128,7 @@ def _effort(bare: str) -> int:
         else:
             weights.append(weight)
             if len(weights) > DEEPEST:
-                refuse(f"its brackets are nested more than {DEEPEST} deep")
+                refuse(say("filter.brackets", most=DEEPEST))
             weight *= 2 if (bracket["word"] or "NOT").upper() in _NO_FUNCTIONS else 1
     return effort + weight * (len(bare) - begin)
 
@@ -143,13 +137,14 @@ def _reason(message: str, text: str) -> str:
     """What the library says of a text, in one sentence."""
     place, expected = _PLACE.search(message), _EXPECTED.search(message)
     if place is None:
-        return "it cannot be read: " + " ".join(message.split())
+        return say("filter.unreadable", reason=" ".join(message.split()))
     line, column = int(place[1]), int(place[2])
     lines = text.split("\n")
     at = sum(len(one) + 1 for one in lines[: line - 1]) + column
     near = lines[line - 1][column - 1 :][:20] if line <= len(lines) else ""
-    wanted = f"; expected: {' '.join(expected[1].split())}" if expected else ""
-    return f"it cannot be read at character {at}, {f'near {near!r}' if near else 'the end'}{wanted}"
+    wanted = say("filter.expected", what=" ".join(expected[1].split())) if expected else ""
+    here = say("filter.near", text=near) if near else say("filter.the_end")
+    return say("filter.unreadable_at", n=at, near=here, wanted=wanted)
 
 
 NUMBERS = {"integer", "number"}
@@ -220,7 +215,11 @@ def whole_numbers(values: list[Value]) -> bool:
 
 def describe(value: Value) -> str:
     kind = "text" if value.kind == "string" else value.kind
-    return f"the {kind} {value.literal!r}" if value.is_literal else f"a {kind}"
+    return (
+        say("filter.the_kind", kind=kind, value=value.literal)
+        if value.is_literal
+        else say("filter.a_kind", kind=kind)
+    )
 
 
 def ends_in_escape(text: str) -> bool:

@@ -12,16 +12,23 @@ from collections.abc import Callable
 from typing import Any
 
 from app.core.errors import BadQueryError
+from app.core.messages import say
 from app.map.items import cql
 from app.map.items.collections import GEOMETRY, Collection
 from app.map.items.paging import MAX_ID
 from app.map.items.places import Condition, Crs, interval, moment, span, wkb_of
 from app.map.segment import SQL_TYPES
+from fusion.messages import message_of
 
 MOST_NODES = 2000
 MOST_LISTED = 1000
 MOST_SQL_CHARACTERS = 200_000
 """Of the condition. With these parts it stays below; an operator that wrote an operand twice would not."""
+
+
+def _bare(error: ValueError | BadQueryError) -> str:
+    """What is wrong with a geometry; of a box without the field's name."""
+    return str(error).removeprefix("bbox: ") if isinstance(error, BadQueryError) else message_of(error)
 
 
 class _Compiler:
@@ -40,17 +47,17 @@ class _Compiler:
         """A truth value."""
         value = self._value(node)
         if value.kind != "boolean":
-            raise self._error(f"a condition must be true or false, not a {value.kind}")
+            raise self._error(say("filter.no_condition", kind=value.kind))
         return self._sql(value)
 
     def _error(self, reason: str, about: str | None = None) -> BadQueryError:
         """Say what is wrong, and where: in JSON the way to it, in text where what it is about stands."""
         where = ""
         if self._language == cql.JSON:
-            where = f" (at {''.join(self._path).lstrip('.')})" if self._path else ""
+            where = say("filter.at_step", step="".join(self._path).lstrip(".")) if self._path else ""
         elif about is not None and (match := re.search(rf"(?<![\w']){re.escape(about)}(?!\w)", self._text)):
-            where = f" (at character {match.start() + 1})"
-        return BadQueryError.about("filter", f"{reason}{where}.")
+            where = say("filter.at", n=match.start() + 1)
+        return BadQueryError.about("filter", say("filter.wrong", reason=reason, where=where))
 
     def _placeholder(self, value: Any) -> str:
         name = f"f{len(self.values)}"
@@ -69,7 +76,7 @@ class _Compiler:
     def _value(self, node: Any) -> cql.Value:
         self._nodes += 1
         if self._nodes > MOST_NODES:
-            raise self._error(f"it has more than {MOST_NODES} parts")
+            raise self._error(say("filter.parts", most=MOST_NODES))
         if isinstance(node, dict):
             return self._of_object(node)
         if node is None:
@@ -80,11 +87,11 @@ class _Compiler:
             return cql.Value("string", literal=node)
         if isinstance(node, int | float):
             return cql.Value("number", literal=self._number(node))
-        raise self._error("a list stands only on the right of IN")
+        raise self._error(say("filter.list"))
 
     def _number(self, value: float) -> float:
         if not math.isfinite(value):
-            raise self._error("a number is too large")
+            raise self._error(say("filter.large"))
         if isinstance(value, float) and value.is_integer() and abs(value) <= cql.EXACT:
             return int(value)
         if isinstance(value, int) and abs(value) > MAX_ID:
@@ -104,7 +111,7 @@ class _Compiler:
             return self._interval(node["interval"])
         if "type" in node or "bbox" in node:
             return self._geometry(node)
-        raise self._error("there is an object that is neither operator, property, time nor geometry")
+        raise self._error(say("filter.object"))
 
     def _property(self, name: Any) -> cql.Value:
         if name in {GEOMETRY, "geom"}:
@@ -112,26 +119,26 @@ class _Compiler:
         known = self._collection.properties
         if name not in known:
             raise self._error(
-                f"there is no property {name!r}. There are: {', '.join([*known, GEOMETRY])}", str(name)
+                say("filter.no_property", name=name, names=", ".join([*known, GEOMETRY])), str(name)
             )
         return cql.Value(known[name].kind, known[name].sql)
 
     def _time(self, word: str, text: Any) -> cql.Value:
         try:
             if not isinstance(text, str) or (word == "date") != (len(text.strip()) == len("2026-11-20")):
-                raise ValueError(f"{text!r} is no {word}")
+                raise ValueError(say("filter.no_kind", text=text, kind=word))
             return cql.Value("time", literal=text, sql=self._parameter(moment(text), "time"))
         except (ValueError, OverflowError) as error:
-            raise self._error(str(error), str(text)) from error
+            raise self._error(message_of(error), str(text)) from error
 
     def _interval(self, ends: Any) -> cql.Value:
         if not (isinstance(ends, list) and len(ends) == 2):
-            raise self._error("an interval has two ends; an open one is '..'")
+            raise self._error(say("filter.interval"))
         if all(isinstance(end, str) for end in ends):
             try:
                 first, last = interval(*ends)
             except (ValueError, OverflowError) as error:
-                raise self._error(str(error), "INTERVAL") from error
+                raise self._error(message_of(error), "INTERVAL") from error
             start, end = first or "-infinity", last or "infinity"
             return cql.Value("span", self._parameter(start, "time"), end=self._parameter(end, "time"))
         start_sql, end_sql = (self._end(end, n) for n, end in enumerate(ends))
@@ -148,7 +155,7 @@ class _Compiler:
             return self._parameter(("-infinity", "infinity")[n], "time")
         value = self._read_time(self._value(end))
         if value.kind != "time":
-            raise self._error(f"an interval is of times, not of a {value.kind}")
+            raise self._error(say("filter.interval_of", kind=value.kind))
         return value.sql
 
     def _geometry(self, node: dict[str, Any]) -> cql.Value:
@@ -156,7 +163,7 @@ class _Compiler:
             wkb = wkb_of(node, self._crs)
         except (ValueError, BadQueryError) as error:
             raise self._error(
-                f"a geometry cannot be used: {str(error).removeprefix('bbox: ')}",
+                say("filter.geometry", reason=_bare(error)),
                 str(node.get("type", "bbox")),
             ) from error
         return cql.Value("line", f"ST_GeomFromWKB({self._placeholder(wkb)}, 4326)")
@@ -164,23 +171,26 @@ class _Compiler:
     def _of_operator(self, written: str, args: Any) -> cql.Value:
         op = written.lower()
         if not isinstance(args, list):
-            raise self._error(f"the arguments of {written} must be a list")
+            raise self._error(say("filter.arguments", name=written))
         if op in {"and", "or"}:
             return self._bounded(self._junction(op, args))
         for names, count, reader in self._readers():
             if op in names:
                 if len(args) not in count:
                     raise self._error(
-                        f"{written} takes {' or '.join(map(str, count))} arguments, not {len(args)}", written
+                        say(
+                            "filter.number_of", name=written, wanted=" or ".join(map(str, count)), n=len(args)
+                        ),
+                        written,
                     )
                 return self._bounded(reader(op, args))
         raise self._error(
-            f"there is no function {written!r}. There are: {', '.join(cql.FUNCTIONS).upper()}", written
+            say("filter.no_function", name=written, names=", ".join(cql.FUNCTIONS).upper()), written
         )
 
     def _bounded(self, value: cql.Value) -> cql.Value:
         if len(value.sql) + len(value.end) > MOST_SQL_CHARACTERS:
-            raise self._error(f"it becomes more than {MOST_SQL_CHARACTERS} characters of SQL")
+            raise self._error(say("filter.sql", most=MOST_SQL_CHARACTERS))
         return value
 
     def _readers(self) -> list[tuple[Any, tuple[int, ...], Callable[[str, list[Any]], cql.Value]]]:
@@ -202,7 +212,7 @@ class _Compiler:
 
     def _junction(self, op: str, args: list[Any]) -> cql.Value:
         if len(args) < 2:
-            raise self._error(f"{op.upper()} takes two conditions or more")
+            raise self._error(say("filter.two", name=op.upper()))
         parts = [self._at(f".args[{n}]", arg, self.condition) for n, arg in enumerate(args)]
         return cql.Value("boolean", "(" + f" {op.upper()} ".join(parts) + ")")
 
@@ -219,7 +229,7 @@ class _Compiler:
 
     def _in(self, op: str, args: list[Any]) -> cql.Value:
         if not (isinstance(args[1], list) and 0 < len(args[1]) <= MOST_LISTED):
-            raise self._error(f"IN takes a list of 1 to {MOST_LISTED} values", "IN")
+            raise self._error(say("filter.listed", most=MOST_LISTED), "IN")
         listed = [self._at(f".args[1][{n}]", one, self._value) for n, one in enumerate(args[1])]
         value, *among = self._alike(op, [*self._arguments(args[:1]), *listed])
         # IN would compare one by one with what is no constant, and copy the value for each.
@@ -228,15 +238,15 @@ class _Compiler:
     def _like(self, op: str, args: list[Any]) -> cql.Value:
         value, pattern = self._arguments(args)
         if {value.kind, pattern.kind} != {"string"}:
-            raise self._error("LIKE compares texts", "LIKE")
+            raise self._error(say("filter.like"), "LIKE")
         if pattern.is_literal and cql.ends_in_escape(pattern.literal):
-            raise self._error("a pattern must not end in a lone backslash", "LIKE")
+            raise self._error(say("filter.pattern"), "LIKE")
         return cql.Value("boolean", f"({self._sql(value)} LIKE {self._sql(pattern)})")
 
     def _computation(self, op: str, args: list[Any]) -> cql.Value:
         values = self._arguments(args)
         if not {value.kind for value in values} <= cql.NUMBERS:
-            raise self._error(f"{op} computes with numbers")
+            raise self._error(say("filter.computes", name=op))
         a, b = (
             self._parameter(float(v.literal), "number") if v.is_literal else f"CAST({v.sql} AS float8)"
             for v in values
@@ -246,17 +256,15 @@ class _Compiler:
     def _of_text(self, op: str, args: list[Any]) -> cql.Value:
         (value,) = self._arguments(args)
         if value.kind != "string":
-            raise self._error(f"{op.upper()} takes a text, not a {value.kind}")
+            raise self._error(say("filter.takes_text", name=op.upper(), kind=value.kind))
         if value.is_literal and cql.ends_in_escape(value.literal):
-            raise self._error("a text must not end in a lone backslash here")
+            raise self._error(say("filter.text_end"))
         return cql.Value("string", cql.OF_TEXTS[op].format(a=self._sql(value)))
 
     def _place(self, op: str, args: list[Any]) -> cql.Value:
         first, second = self._arguments(args)
         if {first.kind, second.kind} != {"line"}:
-            raise self._error(
-                f"{op.upper()} compares geometries: {GEOMETRY}, or one such as POINT(8.4 49.0)", op
-            )
+            raise self._error(say("filter.geometries", name=op.upper(), line=GEOMETRY), op)
         return cql.Value("boolean", cql.SPATIAL[op].format(a=first.sql, b=second.sql))
 
     def _moments(self, op: str, args: list[Any]) -> cql.Value:
@@ -269,9 +277,7 @@ class _Compiler:
             return value.sql, value.end
         value = self._read_time(value)
         if value.kind != "time":
-            raise self._error(
-                f"{op.upper()} compares times: updated_at, or one such as DATE('2026-11-20')", op
-            )
+            raise self._error(say("filter.times", name=op.upper()), op)
         if not value.is_literal:
             return value.sql, value.sql
         first, last = span(value.literal)
@@ -281,7 +287,7 @@ class _Compiler:
         """The SQL of values that are compared with each other, of one kind."""
         kinds = {value.kind for value in values}
         if "null" in kinds:
-            raise self._error("nothing equals the unknown: write IS NULL", "NULL")
+            raise self._error(say("filter.null"), "NULL")
         if kinds == {"time", "string"}:
             values = [self._time_of(value) for value in values]
             kinds = {"time"}
@@ -293,7 +299,12 @@ class _Compiler:
             or (kinds == {"boolean"} and op not in {"=", "<>", "in"})
         ):
             raise self._error(
-                f"{op.upper()} cannot compare {' with '.join(cql.describe(value) for value in values[:2])}"
+                say(
+                    "filter.unlike",
+                    name=op.upper(),
+                    a=cql.describe(values[0]),
+                    b=cql.describe(values[1]),
+                )
             )
         return [self._sql(value) for value in values]
 
@@ -301,7 +312,7 @@ class _Compiler:
         if value.kind == "time":
             return value
         if not value.is_literal:
-            raise self._error("a time cannot be compared with a text")
+            raise self._error(say("filter.time_text"))
         return self._time("timestamp" if ":" in value.literal else "date", value.literal)
 
     def _sql(self, value: cql.Value, *, whole: bool = False) -> str:
@@ -310,8 +321,13 @@ class _Compiler:
         if value.kind == "number":
             if isinstance(value.literal, float) and value.literal.is_integer() and whole:
                 raise self._error(
-                    f"{value.literal:.0f} would not be compared exactly; whole numbers go up to {cql.EXACT}, in "
-                    f"{cql.JSON} up to {MAX_ID}"
+                    say(
+                        "filter.not_exact",
+                        value=value.literal,
+                        most=cql.EXACT,
+                        json=cql.JSON,
+                        most_json=MAX_ID,
+                    )
                 )
             exact = isinstance(value.literal, int) and whole
             return self._parameter(

@@ -13,6 +13,7 @@ from fastapi import APIRouter, FastAPI, Request, Response
 
 from app.core.errors import NotAcceptableError
 from app.core.http import JSON, BaseUrl, link, link_documents
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.text import dumps
 from app.map.items import pages
@@ -165,7 +166,7 @@ def _version(request: Request, f: str | None) -> pages.Wanted:
         if weight > 0 and name in {pages.HTML, "text/*"}:
             return pages.Wanted(pages.AS_HTML, pages.HTML, _FORMS, None)
     offered = ", ".join(media_type for form in _FORMS for media_type in form.media_types)
-    raise NotAcceptableError(f"There is no such form of this document. There are: {offered}.")
+    raise NotAcceptableError(say("items.no_form", names=offered))
 
 
 def _range(item: str) -> tuple[str, str, float]:

@@ -23,6 +23,7 @@ from markupsafe import Markup, escape
 
 from app.core.errors import BadQueryError, NotAcceptableError
 from app.core.http import JSON, REVALIDATE, Link, link, problems, unless_known
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.text import GEO_JSON, dumps, preferred
 
@@ -105,11 +106,11 @@ def wanted(request: Request, f: str | None, *forms: Form) -> Wanted:
             if f in form.names:
                 return Wanted(form, form.media_types[0], forms, f)
         known = ", ".join(dict.fromkeys(name for form in forms for name in form.names))
-        raise BadQueryError(f"There is no format {f!r} here. There are: {known}.", field="f")
+        raise BadQueryError(say("items.no_format", name=f, names=known), field="f")
     offered = [media_type for form in forms for media_type in form.media_types]
     media_type = preferred(request.headers.get("accept"), offered)
     if media_type is None:
-        raise NotAcceptableError(f"There is no such form of this document. There are: {', '.join(offered)}.")
+        raise NotAcceptableError(say("items.no_form", names=", ".join(offered)))
     form = next(form for form in forms if media_type in form.media_types)
     return Wanted(form, media_type, forms, None)
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.core.errors import BadQueryError
+from app.core.messages import say
 from app.core.text import dumps
 from app.map.items.collections import Collection, Property
 from app.map.items.places import Condition
@@ -151,12 +152,12 @@ def parse_sortby(text: str, collection: Collection) -> list[SortKey]:
         # A plus sign in an address means a space.
         sign, name = (part[:1], part[1:]) if part[:1] in {"+", "-", " "} else ("+", part)
         if name not in known:
-            raise BadQueryError.about("sortby", f"{name!r} cannot be sorted by. One of: {', '.join(known)}.")
+            raise BadQueryError.about("sortby", say("items.not_sorted_by", name=name, names=", ".join(known)))
         if any(key.property.name == name for key in keys):
-            raise BadQueryError.about("sortby", f"{name} is there twice.")
+            raise BadQueryError.about("sortby", say("items.twice", name=name))
         keys.append(SortKey(known[name], sign == "-"))
     if len(keys) > MOST_KEYS:
-        raise BadQueryError.about("sortby", f"at most {MOST_KEYS} properties.")
+        raise BadQueryError.about("sortby", say("items.most_properties", most=MOST_KEYS))
     return keys
 
 
@@ -191,7 +192,7 @@ def parse_after(text: str, digest: str, order: Order) -> tuple[int | None, Value
         or not _fits(values[-1], "integer", nullable=False)
         or not all(_fits(v, p.kind, nullable=p.nullable) for v, p in zip(values[:-1], kinds, strict=True))
     ):
-        raise _bad_after("this is no place in the items")
+        raise _bad_after(say("items.no_place_reason"))
     return until_xid, tuple(values)
 
 
@@ -203,7 +204,7 @@ def _unpacked(text: str) -> list[Any]:
     except (ValueError, RecursionError, binascii.Error):
         values = None
     if not isinstance(values, list) or len(values) < 4:
-        raise _bad_after("this is no place in the items")
+        raise _bad_after(say("items.no_place_reason"))
     return values
 
 
@@ -227,6 +228,4 @@ _WRITTEN = {
 
 
 def _bad_after(reason: str) -> BadQueryError:
-    return BadQueryError.about(
-        "after", f"{reason}. Follow the next link of the query as it is, or begin again without after."
-    )
+    return BadQueryError.about("after", say("items.after", reason=reason))

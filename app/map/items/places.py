@@ -13,6 +13,7 @@ from typing import Any
 
 from app.core.db import Bounds
 from app.core.errors import BadQueryError
+from app.core.messages import say
 from app.core.query import bbox_numbers, box_of
 from app.map.segment import CRS84 as CRS84_URI
 from app.map.store import corners, in_box_sql
@@ -42,7 +43,7 @@ class Crs:
             return (y, x) if self.latitude_first else (x, y)
         # What lies a hair beyond the edge was rounded.
         if not (abs(x) <= EDGE_M * (1 + 1e-9) and abs(y) <= 1.1 * EDGE_M):
-            raise ValueError(f"{x:g},{y:g} lies outside of the map, which ends at {EDGE_M:.2f} m")
+            raise ValueError(say("items.off_the_map", x=x, y=y, edge_m=EDGE_M))
         lon = math.degrees(x / RADIUS_M)
         return max(-180.0, min(180.0, lon)), math.degrees(math.atan(math.sinh(y / RADIUS_M)))
 
@@ -72,9 +73,7 @@ class Condition:
 def parse_crs(text: str, field: str) -> Crs:
     """The system of this address; ``BadQueryError`` that lists them all for any other."""
     if text not in CRSS:
-        raise BadQueryError.about(
-            field, f"there is no reference system {text!r} here. There are: {', '.join(CRSS)}."
-        )
+        raise BadQueryError.about(field, say("items.no_crs", name=text, names=", ".join(CRSS)))
     return CRSS[text]
 
 
@@ -88,7 +87,7 @@ def parse_box(text: str, crs: Crs) -> Bounds:
         west, south = crs.to_degrees(x0, y0)
         east, north = crs.to_degrees(x1, y1)
     except ValueError as error:
-        raise BadQueryError.about("bbox", f"{error}.") from None
+        raise BadQueryError.about("bbox", say("filter.reason", reason=error)) from None
     return box_of(west, south, east, north)
 
 
@@ -113,18 +112,18 @@ def wkb_of(node: Mapping[str, Any], crs: Crs) -> bytes:
     if "bbox" in node:
         return bytes(shapely.to_wkb(_boxes(node["bbox"], crs)))
     if node.get("type") not in _GEOMETRIES:
-        raise ValueError(f"there is no geometry {node.get('type')!r}; there are {', '.join(_GEOMETRIES)}")
+        raise ValueError(say("items.no_geometry", name=node.get("type"), names=", ".join(_GEOMETRIES)))
     try:
         geometry = shapely.force_2d(shape(node))
         points = shapely.get_coordinates(geometry)
     except (ValueError, TypeError, IndexError, KeyError, AttributeError, shapely.errors.ShapelyError):
-        raise ValueError(f"its coordinates do not make a {node['type']}") from None
+        raise ValueError(say("items.bad_geometry", kind=node["type"])) from None
     if not 0 < len(points) <= MOST_POINTS:
-        raise ValueError(f"it has {len(points)} points; there may be 1 to {MOST_POINTS}")
+        raise ValueError(say("items.points", n=len(points), most=MOST_POINTS))
     placed = [_checked(*crs.to_degrees(float(x), float(y))) for x, y in points]
     geometry = shapely.set_coordinates(geometry, placed)
     if not geometry.is_valid:
-        raise ValueError(f"it is not valid: {shapely.is_valid_reason(geometry)}")
+        raise ValueError(say("items.not_valid", reason=shapely.is_valid_reason(geometry)))
     return bytes(shapely.to_wkb(geometry))
 
 
@@ -133,7 +132,7 @@ _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon"
 
 def _checked(lon: float, lat: float) -> tuple[float, float]:
     if not (abs(lon) <= 180 and abs(lat) <= 90):
-        raise ValueError(f"{lon:g},{lat:g} is no longitude and latitude")
+        raise ValueError(say("items.no_lon_lat", lon=lon, lat=lat))
     return lon, lat
 
 
@@ -162,11 +161,11 @@ def moment(text: str) -> datetime:
     if _DATE.fullmatch(upper):
         return datetime.fromisoformat(upper).replace(tzinfo=UTC)
     if not _TIME.fullmatch(upper):
-        raise ValueError(f"{text!r} is no time; write 2026-11-20T09:13:02Z or 2026-11-20")
+        raise ValueError(say("items.no_time", text=text))
     try:
         return datetime.fromisoformat(upper).astimezone(UTC)
     except (ValueError, OverflowError):
-        raise ValueError(f"{text!r}: there is no such day or hour") from None
+        raise ValueError(say("items.no_day", text=text)) from None
 
 
 def span(text: str) -> Span:
@@ -186,7 +185,7 @@ def interval(first: str, last: str) -> Span:
     start = None if first in {"", OPEN} else span(first)[0]
     end = None if last in {"", OPEN} else span(last)[1]
     if start is not None and end is not None and end < start:
-        raise ValueError(f"{first}/{last} ends before it begins")
+        raise ValueError(say("items.ends_before", first=first, last=last))
     return start, end
 
 
@@ -195,11 +194,9 @@ def parse_datetime(text: str) -> Span:
     try:
         parts = text.split("/")
         if len(parts) > 2:
-            raise ValueError("it has more than two ends")
+            raise ValueError(say("items.ends"))
         if len(parts) == 2 and all(part in {"", OPEN} for part in parts):
-            raise ValueError("one end must be said")
+            raise ValueError(say("items.one_end"))
         return span(text) if len(parts) == 1 else interval(*parts)
     except (ValueError, OverflowError) as error:
-        raise BadQueryError.about(
-            "datetime", f"{error}. Write 2026-11-20T00:00:00Z, or an interval: 2026-11-20/.."
-        ) from None
+        raise BadQueryError.about("datetime", say("items.datetime", reason=error)) from None

@@ -13,6 +13,7 @@ from datetime import datetime
 from typing import Any
 
 from app.core.errors import BadQueryError
+from app.core.messages import say
 from app.core.settings import Settings
 from app.map.items import places
 from app.map.items.collections import GEOMETRY, Collection, Property
@@ -144,13 +145,13 @@ def _sorted_out(
     many: dict[str, list[str]] = {}
     for name, text in pairs:
         if name not in names:
-            raise BadQueryError(f"There is no parameter {name!r}. There are: {', '.join(names)}.", field=name)
+            raise BadQueryError(say("query.no_parameter", name=name, names=", ".join(names)), field=name)
         if forbidden := NO_TEXT.search(text):
-            raise BadQueryError.about(name, f"character {forbidden.start() + 1} cannot be part of a text.")
+            raise BadQueryError.about(name, say("items.no_character", n=forbidden.start() + 1))
         if name in collection.properties:
             many.setdefault(name, []).append(text)
         elif name in one:
-            raise BadQueryError.about(name, "it is there twice.")
+            raise BadQueryError.about(name, say("items.it_is_twice"))
         else:
             one[name] = text
     return one, many
@@ -186,7 +187,7 @@ def _filter(collection: Collection, one: Mapping[str, str]) -> places.Condition:
     language = one.get("filter-lang", TEXT)
     if language not in LANGUAGES:
         raise BadQueryError.about(
-            "filter-lang", f"there is no language {language!r}. There are: {', '.join(LANGUAGES)}."
+            "filter-lang", say("items.no_language", name=language, names=", ".join(LANGUAGES))
         )
     crs = places.parse_crs(one["filter-crs"], "filter-crs") if "filter-crs" in one else places.CRS84
     return filter_condition(one["filter"], language, crs, collection)
@@ -196,13 +197,13 @@ def _compared(one: Property, texts: Iterable[str]) -> places.Condition:
     """``name=a,b``: the features whose property is any of these."""
     listed = [part for text in texts for part in text.split(",")]
     if len(listed) > _MOST_VALUES:
-        raise BadQueryError.about(one.name, f"at most {_MOST_VALUES} values.")
+        raise BadQueryError.about(one.name, say("items.most_values", most=_MOST_VALUES))
     name = f"p_{one.name}"
     if one.kind == "time":
         try:
             spans = [places.span(text) for text in listed]
         except (ValueError, OverflowError) as error:
-            raise BadQueryError.about(one.name, f"{error}.") from None
+            raise BadQueryError.about(one.name, say("filter.reason", reason=error)) from None
         any_of = places.Condition.joined(
             "OR", (_between(one.sql, f"{name}_{n}_", *ends) for n, ends in enumerate(spans))
         )
@@ -212,9 +213,7 @@ def _compared(one: Property, texts: Iterable[str]) -> places.Condition:
         texts = dict.fromkeys([*listed, *texts]) if one.kind == "string" else listed
         read = [_read(one.kind, text) for text in texts]
     except ValueError:
-        raise BadQueryError.about(
-            one.name, f"it must be {_WANTED[one.kind]}, or several with commas."
-        ) from None
+        raise BadQueryError.about(one.name, say("items.must_be_some", what=_WANTED[one.kind])) from None
     if one.digits is not None:
         return _as_shown(one, name, read)
     return places.Condition(f"{one.sql} = ANY(CAST(%({name})s AS {SQL_TYPES[one.kind]}[]))", {name: read})
@@ -249,7 +248,7 @@ def _truth(text: str, field: str) -> bool:
     try:
         return bool(_read("boolean", text))
     except ValueError:
-        raise BadQueryError.about(field, f"it must be {_WANTED['boolean']}.") from None
+        raise BadQueryError.about(field, say("items.must_be", what=_WANTED["boolean"])) from None
 
 
 def _limit(one: Mapping[str, str], settings: Settings) -> int:
@@ -259,7 +258,7 @@ def _limit(one: Mapping[str, str], settings: Settings) -> int:
     if not (text.isascii() and text.isdigit()) or not text.strip("0"):
         raise BadQueryError.about(
             "limit",
-            f"it must be a whole number from 1; more than {settings.items_limit_max} is reduced to that.",
+            say("items.limit", most=settings.items_limit_max),
         )
     return settings.items_limit_max if len(text) > 18 else min(int(text), settings.items_limit_max)
 
@@ -281,7 +280,7 @@ def _names(collection: Collection, text: str) -> tuple[str, ...]:
     if unknown := sorted(names - set(collection.properties)):
         raise BadQueryError.about(
             "properties",
-            f"there is no property {unknown[0]!r}. There are: {', '.join(collection.properties)}.",
+            say("items.no_property", name=unknown[0], names=", ".join(collection.properties)),
         )
     return tuple(name for name in collection.properties if name in names)
 

@@ -20,6 +20,7 @@ from app.changes.store import changed_since_sql, parse_version, state, version_t
 from app.core.db import fetch_binary, send_binary
 from app.core.disconnects import client_left
 from app.core.errors import BadQueryError
+from app.core.messages import say
 from app.map.items.collections import Collection
 from app.map.items.paging import Leg, cursor_text
 from app.map.items.places import Condition, psycopg_sql
@@ -181,17 +182,14 @@ def _source(collection: Collection, shape: Shape) -> str:
 
 def _too_long(request: ItemRequest) -> BadQueryError:
     quick = ", ".join(request.collection.quick)
-    return BadQueryError(
-        f"Finding these items takes longer than {request.patience_s:g} s here. Ask for less: add a bbox, or filter and "
-        f"sort by {quick}, which are found at once."
-    )
+    return BadQueryError(say("items.too_long", patience_s=request.patience_s, names=quick))
 
 
 def _not_computed(request: ItemRequest, error: Exception) -> Exception:
     """What of somebody's making the database could not compute; anything else is a fault of ours."""
     reason = str(error).partition("\n")[0]
     if request.filtered:
-        return BadQueryError.about("filter", f"it cannot be computed for every feature: {reason}.")
+        return BadQueryError.about("filter", say("filter.not_computed", reason=reason))
     if request.after:
-        return BadQueryError.about("after", "this is no place in the items. Begin again without after.")
+        return BadQueryError.about("after", say("items.no_place"))
     return error

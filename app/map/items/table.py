@@ -12,6 +12,7 @@ from fastapi import Request, Response
 
 from app.core.errors import BadQueryError
 from app.core.http import Link, link
+from app.core.messages import say
 from app.map.items import pages
 from app.map.items.pages import MOST_IN_HEADER
 from app.map.items.request import Shape
@@ -35,9 +36,7 @@ TABLE_EXAMPLE = _END.join(
 def table_answer(request: Request, shape: Shape, shown: Page, links: Sequence[Link]) -> Response:
     """The page, whose rows are ``shown.features``; the link to the next one comes first in ``links``."""
     if any(one.rel == "next" and len(one.href) > _LONGEST_NEXT for one in links):
-        raise BadQueryError(
-            "As CSV such a long query has no room for its next page. Ask for GeoJSON.", field="f"
-        )
+        raise BadQueryError(say("items.csv_long"), field="f")
     license_link = link(OSM_LICENSE_URL, "license")
     more = {
         **pages.content_crs(shape.crs.uri),

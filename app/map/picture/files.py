@@ -9,19 +9,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from app.core.messages import say
 from app.map import store
 from app.map.picture import slope_map
 from app.map.picture.slope_picture import write_map
 from app.map.segment import Segment
 from app.map.store import all_segments
+from fusion.messages import told
 from fusion.roads.table import RoadTable
 
 if TYPE_CHECKING:
     from sqlalchemy.orm import Session
 
     from app.core.db import Bounds
-
-LEFT_OUT = "Undriven roads are left out: with them there are {count} segments, and a map shows {most}."
 
 
 def map_of_segments(
@@ -42,7 +42,7 @@ def map_of_segments(
     near = roads.within(*box) if box else around
     drawn, notes = slope_map.map_segments(near, segments), list[str]()
     if segments and len(near) > slope_map.MOST_SEGMENTS:
-        notes = [LEFT_OUT.format(count=len(near), most=slope_map.MOST_SEGMENTS)]
+        notes = [say("picture.left_out", count=len(near), most=slope_map.MOST_SEGMENTS)]
         drawn = slope_map.stored_segments(segments)
     write_map(path, drawn, title=title, credit=source, scale_percent=scale, box_deg=box, notes=notes)
 
@@ -71,22 +71,17 @@ def map_of_store(
     notes = list[str]()
     count = store.count_segments(session, bbox=box, driven=True if driven else None)
     if count > slope_map.MOST_SEGMENTS and not driven:
-        notes = [LEFT_OUT.format(count=count, most=slope_map.MOST_SEGMENTS)]
+        notes = [say("picture.left_out", count=count, most=slope_map.MOST_SEGMENTS)]
         driven, count = True, store.count_segments(session, bbox=box, driven=True)
     _refuse_too_many(count)
     if not count:
-        raise slope_map.MapError(
-            "There is no road in that box. Import the roads there, or name another --bbox."
-        )
+        raise slope_map.MapError(say("picture.no_road"))
     segments = list(all_segments(session, box, driven=driven or None, gaps=gaps))
-    drawn, title = slope_map.stored_segments(segments), "Road slopes"
+    drawn, title = slope_map.stored_segments(segments), told("Road slopes")
     write_map(path, drawn, title=title, credit=source, scale_percent=scale, box_deg=box, notes=notes)
     return len(segments), notes
 
 
 def _refuse_too_many(count: int) -> None:
     if count > slope_map.MOST_SEGMENTS:
-        raise slope_map.MapError(
-            f"{count} driven segments are to be drawn, and a map shows {slope_map.MOST_SEGMENTS} at most. "
-            "Name a smaller box, such as --bbox 8.46,48.95,8.50,48.99."
-        )
+        raise slope_map.MapError(say("picture.too_many", n=count, most=slope_map.MOST_SEGMENTS))

@@ -21,9 +21,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D, Transform
 
+from app.core.messages import say
 from app.map.picture import slope_map
 from app.map.picture.lettering import wrapped
 from app.map.style.scale import UNKNOWN_COLOUR
+from fusion.messages import told
 from fusion.types import Floats
 
 INK, MUTED = "#20262b", "#5f6b73"
@@ -55,9 +57,9 @@ def rows_of(segments: slope_map.MapSegments, thinner: float) -> list[list[Row]]:
     widths = [
         Row(text, ({"color": "#777777", "lw": thinner * float(slope_map.line_widths(np.array([sigma]))[0])},))
         for sigma, text in (
-            (slope_map.SURE_SIGMA_PERCENT, f"± {slope_map.SURE_SIGMA_PERCENT:g} % or better"),
+            (slope_map.SURE_SIGMA_PERCENT, say("picture.sure", percent=slope_map.SURE_SIGMA_PERCENT)),
             (1.0, "± 1 %"),
-            (slope_map.UNSURE_SIGMA_PERCENT, f"± {slope_map.UNSURE_SIGMA_PERCENT:g} % or worse"),
+            (slope_map.UNSURE_SIGMA_PERCENT, say("picture.unsure", percent=slope_map.UNSURE_SIGMA_PERCENT)),
         )
     ]
     certainty = [
@@ -81,7 +83,7 @@ def _sign_rows(segments: slope_map.MapSegments, thinner: float) -> list[Row]:
         for where, row in (
             (
                 slope_map.certain_signs(segments.slope_percent, sigma),
-                Row(f"uphill, steeper than {slope_map.ARROW_PERCENT:g} %", (arrow,)),
+                Row(say("picture.uphill", percent=slope_map.ARROW_PERCENT), (arrow,)),
             ),
             (segments.bridge & known, Row("bridge", (case, inside))),
             (segments.tunnel & known, Row("tunnel", ({**case, "ls": (0, (1.2, 0.8))}, inside))),
@@ -92,14 +94,14 @@ def _sign_rows(segments: slope_map.MapSegments, thinner: float) -> list[Row]:
 
 
 def _small(text: str) -> list[Row]:
-    return [Row(line, small=True) for line in wrapped(text, SMALL_PT, 72 * WIDTH_IN)]
+    return [Row(line, small=True) for line in wrapped(told(text), SMALL_PT, 72 * WIDTH_IN)]
 
 
 def colour_rows(scale: Normalize, given: bool) -> list[Row]:
     """What is said of the range of colours."""
     top = f"{scale.vmax:g} %"
     how = "as asked" if given else "chosen by the slopes shown"
-    return _small(f"Darkest from {top} on, {how}. Up or down alike: arrows point uphill.")
+    return _small(say("picture.darkest", top=top, how=how))
 
 
 def height_in(colours: Sequence[Row], groups: Sequence[Sequence[Row]]) -> float:
@@ -153,7 +155,8 @@ def _draw_rows(figure: Figure, place: Transform, left_in: float, y_in: float, ro
                 )
             )
         figure.text(
-            left_in + (_TEXT_AT_IN if row.samples else 0.0), middle, row.text, transform=place, va="center_baseline",
+            left_in + (_TEXT_AT_IN if row.samples else 0.0), middle, told(row.text), transform=place,
+            va="center_baseline",
             fontsize=SMALL_PT if row.small else TEXT_PT, fontweight="bold" if row.bold else "normal",
             color=MUTED if row.small else INK, parse_math=False,
         )  # fmt: skip

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from app.core.messages import say
 from app.map.segment import Segment
 from fusion.errors import FusionError, UnknownNameError
 from fusion.frames import METRES_PER_DEGREE
@@ -80,7 +81,7 @@ def picture_format(path: Path) -> str:
     """png, pdf or svg, as the suffix says; raises ``UnknownNameError`` that lists them for any other."""
     suffix = path.suffix.lower()
     if suffix not in PICTURES:
-        raise UnknownNameError(f"No picture is called {path.suffix!r}. Choose one of: {', '.join(PICTURES)}.")
+        raise UnknownNameError(say("picture.no_suffix", suffix=path.suffix, names=", ".join(PICTURES)))
     return suffix[1:]
 
 
@@ -120,7 +121,7 @@ def extent_of(segments: Iterable[Segment]) -> Bounds:
     """West, south, east, north of segments, degrees; raises ``MapError`` without any."""
     corners = np.array([p for s in segments for p in s.coordinates], float).reshape(-1, 2)
     if not len(corners):
-        raise MapError("No road has a slope there, so there is no map to draw.")
+        raise MapError(say("picture.no_slope"))
     return box_of(corners)
 
 
@@ -142,10 +143,7 @@ def no_strip(box_deg: Bounds) -> Bounds:
     across_m, up_m = sides_m(box_deg)
     longer = max(across_m, up_m, 1.0)
     if longer > FARTHEST_M:
-        raise MapError(
-            f"What is to be drawn reaches over {longer / 1000:.0f} km, and a map shows {FARTHEST_M / 1000:g} km at "
-            "most. Name a smaller box, such as --bbox 8.46,48.95,8.50,48.99."
-        )
+        raise MapError(say("picture.too_far", km=longer / 1000, most_km=FARTHEST_M / 1000))
     least = LEAST_SIDE_SHARE * longer
     return _grown(box_deg, max(least - across_m, 0.0) / 2, max(least - up_m, 0.0) / 2)
 

@@ -20,12 +20,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
+from app.core.messages import say
 from app.core.text import whole_file
 from app.map.picture import key, slope_map
 from app.map.picture.lettering import is_writable, place_names, points_along, width_pt, wrapped
 from app.map.picture.slope_map import MapError, MapSegments
 from app.map.segment import OSM_ATTRIBUTION
 from fusion.frames import LocalProjection
+from fusion.messages import told
 from fusion.types import Floats
 
 if TYPE_CHECKING:
@@ -87,7 +89,7 @@ def slope_figure(
     Roads end at the frame. Raises ``MapError`` when there is no segment, or none in a map's reach.
     """
     if not len(segments):
-        raise MapError("There is no segment to draw.")
+        raise MapError(say("picture.no_segment"))
     view = _view(segments, box_deg)
     lines = view.lines
     figure = Figure(dpi=dpi)
@@ -213,8 +215,9 @@ def _draw_scale(figure: Figure, view: _View, width_in: float, below_in: float) -
         Line2D([EDGE_IN, end], [y, y], transform=place, color="black", lw=2.5, solid_capstyle="butt", label="scale")
     )  # fmt: skip
     label = f"{length_m / 1000:g} km" if length_m >= 1000 else f"{length_m:g} m"
+    words = told(say("picture.north", scale=label))
     figure.text(
-        end + 0.08, y, f"{label}; north is up", transform=place, va="center_baseline", fontsize=key.TEXT_PT,
+        end + 0.08, y, words, transform=place, va="center_baseline", fontsize=key.TEXT_PT,
         color=key.INK,
     )  # fmt: skip
 

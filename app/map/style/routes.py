@@ -14,6 +14,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from app.core.db import Bounds
 from app.core.errors import BadQueryError
 from app.core.http import JSON, REVALIDATE, BaseUrl, ServiceDep, json_answer, problems, unless_known
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.standby.use import MapRoute
 from app.core.text import dumps
@@ -95,7 +96,7 @@ def style(
     _check_choice("colour", colour, COLOUR_NAMES)
     _check_choice("layer", layer, LAYERS)
     if layer == WAYS and SHOWN[colour].singles_only:
-        raise BadQueryError.about("colour", f"{colour} is known of segments only. Ask for layer=segments.")
+        raise BadQueryError.about("colour", say("style.segments_only", colour=colour))
     with service.reading() as session:
         bounds = cached_crowd(service, session)
         note = service.edition_note(session)
@@ -196,7 +197,7 @@ def first_view(bounds: Bounds) -> dict[str, Any]:
 
 def _check_choice(name: str, value: str, known: Any) -> None:
     if value not in known:
-        raise BadQueryError.about(name, f"there is no {value[:100]!r}. Choose one of: {', '.join(known)}.")
+        raise BadQueryError.about(name, say("style.no_such", name=value[:100], names=", ".join(known)))
 
 
 def _conditional(request: Request, content: bytes, media_type: str, caching: str) -> Response:

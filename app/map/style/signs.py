@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from app.core.errors import NotFoundError
+from app.core.messages import say
 from app.core.text import varint
 from fusion.types import Floats
 
@@ -91,7 +92,7 @@ FILES = tuple(f"{SHEET}{ratio}.{kind}" for ratio in RATIOS for kind in ("json", 
 def sheet(file: str) -> tuple[bytes, str]:
     """Content and media type of one of ``FILES``; ``NotFoundError`` that lists them for any other."""
     if file not in FILES:
-        raise NotFoundError(f"There is no {file[:100]!r}. There are: {', '.join(FILES)}.", field="file")
+        raise NotFoundError(say("style.no_file", name=file[:100], names=", ".join(FILES)), field="file")
     stem, kind = file.rsplit(".", 1)
     ratio = RATIOS[stem.removeprefix(SHEET)]
     return (_index(ratio), "application/json") if kind == "json" else (_picture(ratio), "image/png")
@@ -153,9 +154,7 @@ def fonts_of(stack: str) -> tuple[str, ...]:
     """
     known = tuple(dict.fromkeys(name for part in stack.split(",") if (name := part.strip()) in FONTS))
     if not known:
-        raise NotFoundError(
-            f"There is no font {stack[:100]!r}. There are: {', '.join(FONTS)}.", field="fontstack"
-        )
+        raise NotFoundError(say("style.no_font", name=stack[:100], names=", ".join(FONTS)), field="fontstack")
     return known
 
 
@@ -167,7 +166,7 @@ def first_of_range(text: str) -> int:
         if first % PER_RANGE == 0 and last == first + PER_RANGE - 1 and last <= MOST_CHARACTER:
             return first
     raise NotFoundError(
-        f"{text[:40]!r} is no range of characters. They come by {PER_RANGE}: 0-255, 256-511 and so on.",
+        say("style.no_range", text=text[:40], n=PER_RANGE),
         field="range",
     )
 

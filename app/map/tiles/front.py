@@ -29,6 +29,7 @@ from app.core.caller import present_caller
 from app.core.disconnects import CLIENT_GONE
 from app.core.errors import NotFoundError, ServiceError
 from app.core.http import REVALIDATE, is_named
+from app.core.messages import say
 from app.core.problems import database_error, service_error
 from app.core.settings import Settings
 from app.map.tiles.servers import MapTiles
@@ -138,11 +139,11 @@ def check_tile(at: Address, max_zoom: int, names: tuple[str, str, str] = ("z", "
     """Raise ``NotFoundError`` for a tile that cannot be; ``names``: of zoom, column and row in the request."""
     zoom, column, row = names
     if at.z > max_zoom:
-        raise NotFoundError(f"Tiles end at zoom {max_zoom}; enlarge those for zoom {at.z}.", field=zoom)
+        raise NotFoundError(say("tiles.too_deep", most=max_zoom, z=at.z), field=zoom)
     for name, number in ((column, at.x), (row, at.y)):
         if number >= 2**at.z:
             raise NotFoundError(
-                f"At zoom {at.z}, {name} goes from 0 to {2**at.z - 1}; {number} is outside.", field=name
+                say("tiles.outside", z=at.z, name=name, most=2**at.z - 1, n=number), field=name
             )
 
 

@@ -27,6 +27,7 @@ from app.core.http import (
     problems,
     with_query,
 )
+from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.standby.use import MapRoute
 from app.core.text import GEO_JSON
@@ -310,7 +311,7 @@ async def _tile_of(request: Request, service: Service, at: Address) -> Response:
 def _layer(collection: str) -> str:
     if collection not in LAYERS:
         raise NotFoundError(
-            f"There is no collection {collection[:50]!r}. There are: {', '.join(LAYERS)}.", field="collection"
+            say("items.no_collection", name=collection[:50], names=", ".join(LAYERS)), field="collection"
         )
     return collection
 
@@ -329,6 +330,6 @@ def _only(
     collections = request.query_params.get("collections")
     if collections not in {None, "", SEGMENTS}:
         raise BadQueryError(
-            f"The tiles of the whole hold the collection {SEGMENTS}; others have tiles of their own.",
+            say("tiles.of_the_whole", name=SEGMENTS),
             field="collections",
         )

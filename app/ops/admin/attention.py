@@ -8,9 +8,11 @@ from typing import Any
 from sqlalchemy import TextClause, text
 from sqlalchemy.orm import Session
 
+from app.core.messages import say
 from app.drives.store import WAITS_FOR_ROADS
 from app.network.marks import PATIENCE
 from app.ops import store
+from fusion.messages import said
 
 FAILED_DAYS = 7
 STUCK_S = 3600.0
@@ -99,6 +101,7 @@ def _row(
         "count": count,
         "oldest_s": None if oldest_s is None else max(0.0, float(oldest_s)),
         "what": what,
+        "said": said(what),
         "link": link,
     }
 
@@ -107,7 +110,7 @@ def _workers(session: Session) -> list[dict[str, Any]]:
     if store.workers(session):
         return []
     waiting = store.queue(session)
-    what = "No worker has given a sign of life for a minute. Start one: `versant worker`, or `versant up`."
+    what = say("attention.no_worker")
     return [
         _row("worker", bool(waiting.depth), what, "/v1/admin/queue", waiting.depth, waiting.oldest_wait_s)
     ]
@@ -116,12 +119,10 @@ def _workers(session: Session) -> list[dict[str, Any]]:
 def _room(free_bytes: int | None, least_bytes: int) -> list[dict[str, Any]]:
     if free_bytes is None or free_bytes >= LITTLE_ROOM * least_bytes:
         return []
-    what = f"The store of uploaded logs has {free_bytes / 2**30:.1f} GiB free"
+    what = say("attention.room", gib=free_bytes / 2**30)
     if free_bytes < least_bytes:
-        return [_row("disk", True, f"{what}, less than is to stay free: uploads are refused.", "/readyz")]
-    return [
-        _row("disk", False, f"{what}. Uploads are refused below {least_bytes / 2**30:.1f} GiB.", "/readyz")
-    ]
+        return [_row("disk", True, say("attention.no_room", what=what), "/readyz")]
+    return [_row("disk", False, say("attention.little_room", what=what, gib=least_bytes / 2**30), "/readyz")]
 
 
 def _counted(
@@ -140,21 +141,21 @@ def _counted(
 
 
 def _waits(session: Session) -> list[dict[str, Any]]:
-    what = "Drives have been running for more than an hour. The log of the workers says why."
+    what = say("attention.stuck")
     rows = _counted(session, _STUCK, "stuck", what, "/drives?status=running", 0.0, age_s=STUCK_S)
-    what = "Uploads have waited for more than ten minutes. More workers, or faster ones, would help."
+    what = say("attention.wait")
     rows += _counted(session, _WAITING, "wait", what, "/drives?status=queued", WAIT_ACT_S, age_s=WAIT_LOOK_S)
-    what = "Removed drives are not gone after a quarter of an hour: their cells wait to be solved."
+    what = say("attention.removal")
     rows += _counted(session, _REMOVALS, "removal", what, "/v1/admin/queue", age_s=REMOVAL_S)
     behind_s = store.behind(session).behind_s
     if behind_s is not None and behind_s > BEHIND_S:
-        what = "Ways and low zooms are behind what was measured."
+        what = say("attention.derived")
         rows.append(_row("derived", False, what, "/v1/admin/stats", 1, behind_s))
     return rows
 
 
 def _cells(session: Session) -> list[dict[str, Any]]:
-    what = "Cells of the map cannot be solved, so slopes there are not published. The list says what to do."
+    what = say("attention.cell")
     return _counted(session, _UNSOLVED, "cell", what, "/v1/admin/stats", 0.0, patience=PATIENCE)
 
 
@@ -162,9 +163,7 @@ def _failed(session: Session) -> list[dict[str, Any]]:
     waiting = {row.kind: row for row in session.execute(_FOR_ROADS, {"days": FAILED_DAYS})}
     rows = []
     if waiting:
-        what = (
-            "Drives wait for roads where they were: once these are imported, they are computed by themselves."
-        )
+        what = say("attention.roads")
         count, oldest_s = (
             sum(row.drives for row in waiting.values()),
             max(row.oldest_s for row in waiting.values()),
@@ -174,7 +173,7 @@ def _failed(session: Session) -> list[dict[str, Any]]:
         count = failed - (waiting[kind].drives if kind in waiting else 0)
         if count <= 0:
             continue
-        what = f"Drives of the last {FAILED_DAYS} days failed: {kind or 'for a reason that was not noted'}."
+        what = say("attention.failed", days=FAILED_DAYS, kind=kind or "for a reason that was not noted")
         link = f"/drives?status=failed&failure={kind}" if kind else "/drives?status=failed"
         rows.append(_row("failed", kind in FAULTS, what, link, count))
     return rows
@@ -183,11 +182,11 @@ def _failed(session: Session) -> list[dict[str, Any]]:
 def _operations(session: Session) -> list[dict[str, Any]]:
     rows = []
     texts = {
-        "planned": (True, "Operations are planned and wait to be approved or dropped."),
-        "failed": (False, f"Operations of the last {FAILED_DAYS} days failed."),
+        "planned": (True, say("attention.planned")),
+        "failed": (False, say("attention.operation_failed", days=FAILED_DAYS)),
     }
     for status, count, oldest_s in session.execute(_OPERATIONS, {"days": FAILED_DAYS}):
         act, what = texts[status]
         rows.append(_row(f"operation-{status}", act, what, "/v1/operations", count, oldest_s))
-    what = "Webhooks were switched off because their receivers did not answer."
+    what = say("attention.webhook")
     return rows + _counted(session, _WEBHOOKS, "webhook", what, "/v1/webhooks")

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from app.core.errors import NotFoundError
 from app.core.http import JSON, BaseUrl, Link, ServiceDep, json_answer, link, problems, text_answer
+from app.core.messages import say
 from app.core.text import preferred, utc_text
 from app.ops.admin.queries import QUERIES, AdminQuery
 from app.ops.admin.store import Parameters
@@ -104,7 +105,7 @@ def query(
     """
     if name not in QUERIES:
         names = ", ".join(name for name, _ in QUERIES.items())
-        raise NotFoundError(f"There is no query {name[:60]!r}. There are: {names}.", field="name")
+        raise NotFoundError(say("query.no_query", name=name[:60], names=names), field="name")
     chosen = QUERIES[name]
     now = datetime.now(UTC)
     room = service.blobs.free_bytes(), service.settings.min_free_bytes

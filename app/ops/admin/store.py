@@ -71,6 +71,7 @@ drives_by_day = _by(f"""
 # The reason of one of them, by the index on status and upload: the latest that failed so.
 failures = _by(f"""
     SELECT f.kind, f.drives, f.drives / nullif(f.uploaded, 0) AS share, d.failure_reason AS latest_reason,
+           d.failure_said -> 'reason' AS latest_said,
            d.created_at AS latest_at, d.id AS latest_drive, (
                SELECT count(*) FROM drives AS d WHERE d.failure_kind = f.kind AND {WAITS_FOR_ROADS}
                    AND d.created_at >= date_trunc('day', now(), 'UTC')
@@ -82,8 +83,8 @@ failures = _by(f"""
           WHERE status = 'failed' AND day > CAST(now() AT TIME ZONE 'UTC' AS date) - CAST(:days AS integer)
           GROUP BY failure_kind HAVING sum(drives) > 0) AS f
     LEFT JOIN LATERAL (
-        SELECT id, failure_reason, created_at FROM (
-            SELECT id, failure_reason, created_at, failure_kind FROM drives WHERE status = 'failed'
+        SELECT id, failure_reason, failure_said, created_at FROM (
+            SELECT id, failure_reason, failure_said, created_at, failure_kind FROM drives WHERE status = 'failed'
             ORDER BY created_at DESC, id DESC LIMIT :latest) AS late
         WHERE late.failure_kind IS NOT DISTINCT FROM f.kind ORDER BY created_at DESC LIMIT 1) AS d ON true
     ORDER BY f.drives DESC, f.kind

@@ -87,7 +87,7 @@ def _merge(
     raw = ubx_subframes.read_raw(stream, notes, where)
     no_positions = {ubx_raw.RAWX, ubx_subframes.SFRBX, *ubx_older.NO_POSITIONS}
     if not stream.messages.keys() - no_positions and not content.tables:
-        notes.first_offender = notes.first_offender or f"the file holds only {stream.inventory()}"
+        notes.first_offender = notes.first_offender or say("ubx.holds_only", what=stream.inventory())
     notes.dated_after_all()  # undated sentences do not matter beside dated messages
     tables = ubx_navigation.ubx_tables(stream, content.marks, content.dated, notes, where)
     geoid = ubx_navigation.GEOID if "fix" in tables else nmea_sentences.GEOID

@@ -17,6 +17,7 @@ from scipy.special import ndtr, ndtri
 
 from fusion.errors import FusionError
 from fusion.gnss.error_models.base import ErrorLaw
+from fusion.messages import say
 from fusion.published.positioning.gmm import FLOOR_M2, fit, start
 from fusion.registry import unknown_name
 from fusion.types import Floats
@@ -62,9 +63,7 @@ def fit_law(name: str, sample: Floats) -> FittedLaw:
     if name not in LAWS:
         raise unknown_name("law", name, LAWS)
     if len(sample) < LEAST_SAMPLES:
-        raise TooFewSamplesError(
-            f"A law needs {LEAST_SAMPLES} residuals or more, and there are {len(sample)}."
-        )
+        raise TooFewSamplesError(say("law.few", least=LEAST_SAMPLES, n=len(sample)))
     if name in MIXTURES:
         return _mixture(name, sample)
     return _CLOSED[name](float(np.mean(sample)), max(float(np.std(sample)), _LEAST_SIGMA_M))

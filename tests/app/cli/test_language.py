@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.cli.console import Console, language, spoken, spoken_term
+from app.cli.console import Console, language, spoken
 from app.cli.drives.look import drive_lines
 from fusion.errors import EmptyLogError
 from fusion.messages import said, say
@@ -47,7 +47,7 @@ def test_complaints_remarks_and_drives_are_said_in_it(
     assert told[1].startswith("a.gpx: Nur 46% der Positionen liegen auf bekannten Straßen.")
     assert told[2] == "a.gpx: Nobody's."
     assert spoken(say("processing.split")) == "Teilen Sie die Aufzeichnung in kürzere Fahrten."
-    assert spoken_term("comparing") == "Vergleichen"
+    assert spoken("comparing") == "Vergleichen"
     reason, where = say("gpx.no_track", kind="no track"), say("place.line", n=3)
     failure = {"kind": "empty-log", "reason": str(reason), "where": str(where)}
     keys = {"said": said(reason), "where_said": said(where)}

@@ -146,7 +146,7 @@ def test_by_keyboard_alone(looked_at: Web, tab: Tab) -> None:
     for state in ("#failures:not([open])", "#failures[open]"):
         page.keyboard.press("Enter")
         page.locator(state).wait_for()
-    button = page.get_by_role("button", name="Retry all that failed with no-match")
+    button = page.get_by_role("button", name="Retry all that failed: No road near")
     button.wait_for()
     for _ in range(10):
         page.keyboard.press("Tab")
@@ -162,9 +162,9 @@ def test_by_keyboard_alone(looked_at: Web, tab: Tab) -> None:
 
 def test_failures_are_tried_again_and_the_batch_is_cancelled(worked_on: Web, tab: Tab) -> None:
     page = opened(tab, worked_on)
-    page.get_by_role("button", name="Retry all that failed with no-match").click()
+    page.get_by_role("button", name="Retry all that failed: No road near").click()
     question = page.get_by_role("dialog", name=f"Compute {FAILED} drives again?")
-    assert "“no-match”" in question.inner_text()
+    assert "“No road near”" in question.inner_text()
     assert rows(worked_on.sessions, "SELECT count(*) FROM drives WHERE status = 'queued'") == [(0,)]
     question.get_by_role("button", name=f"Compute {FAILED} again").click()
     card = page.get_by_role("region", name="Batch")

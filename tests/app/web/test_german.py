@@ -67,3 +67,26 @@ def test_remarks_failures_and_refusals_of_sample_files(
         assert english(where.inner_text()) == []
     assert "ausgelassen" in where.inner_text()
     assert tab.faults() == []
+
+
+def test_what_is_chosen_and_what_there_is_to_read(web: Web, tab_maker: Any) -> None:
+    tab: Tab = tab_maker(locale="de-DE")
+    page = tab.page
+    page.goto(f"{web.base}/upload", wait_until="networkidle")
+    page.locator("details.method > summary").first.click()
+    form = page.locator(".method-form")
+    form.wait_for()
+    chosen = form.get_by_label("Verfahren")
+    for name in ("particle", "odometer-map", ""):
+        chosen.select_option(name)
+        form.locator("details > summary").first.click()
+        assert english(form.inner_text()) == []
+    page.goto(f"{web.base}/docs", wait_until="networkidle")
+    books = page.locator(".books").all_inner_texts()
+    assert len(books) > 3
+    assert english("\n".join(books)) == []
+    page.get_by_label("Anleitungen und API durchsuchen").fill("sicherungen zertifikate")
+    assert page.locator(".books li").all_inner_texts() == [
+        "Ins Internet stellen\n\nEine Maschine, ein Name, Zertifikate, Sicherungen."
+    ]
+    assert tab.faults() == []

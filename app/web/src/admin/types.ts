@@ -18,6 +18,7 @@ export interface Attention {
   count: number;
   oldest_s: number | null;
   what: string;
+  said?: Said | null;
   link: string | null;
 }
 
@@ -32,6 +33,7 @@ export interface Failure {
   drives: number;
   share: number | null;
   latest_reason: string | null;
+  latest_said?: Said | null;
   latest_at: string | null;
   latest_drive: string | null;
   /** Of these, drives that wait for roads: no failures to people. */
@@ -185,6 +187,7 @@ export interface BatchAccepted {
   method: string | null;
   skipped: Record<string, number>;
   note: string | null;
+  note_said?: Said | null;
   links: Link[];
 }
 

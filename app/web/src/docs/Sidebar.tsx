@@ -1,6 +1,5 @@
 /** Where one is in the documentation, and the way to the rest: beside the text, or folded above it on a phone. */
 import { useState } from "preact/hooks";
-import { term } from "../shared/said";
 import { t } from "../shared/texts";
 import type { Guide, Section } from "./contents";
 import type { Group } from "./openapi";
@@ -40,12 +39,12 @@ export function Sidebar({ current, sections, groups }: SidebarProps) {
         </p>
         {sections.map((section) => (
           <div key={section.title}>
-            <h2>{term(section.title)}</h2>
+            <h2>{section.title}</h2>
             <ul>
               {section.pages.map((page) => (
                 <li key={page.name}>
                   <a href={`/docs/${page.name}`} aria-current={page.name === current ? "page" : undefined}>
-                    {term(page.title)}
+                    {page.title}
                   </a>
                   {page.name === current && <Headings page={page} />}
                 </li>

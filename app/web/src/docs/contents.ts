@@ -1,4 +1,5 @@
 /** What pages the documentation has, as the service lists them (`docs/index.md`). */
+import { term } from "../shared/said";
 
 export interface Guide {
   /** Its path below `/docs/`. */
@@ -13,6 +14,14 @@ export interface Guide {
 export interface Section {
   title: string;
   pages: Guide[];
+}
+
+/** Titles and summaries in the language of the page, so that they are shown and found in it. */
+export function inLanguage(sections: Section[]): Section[] {
+  return sections.map((section) => ({
+    title: term(section.title),
+    pages: section.pages.map((one) => ({ ...one, title: term(one.title), summary: term(one.summary) })),
+  }));
 }
 
 /** The sections with those pages in whose title, summary or headings every word occurs; empty sections are left out. */

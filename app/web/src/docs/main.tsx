@@ -4,10 +4,9 @@ import { goTo, lookedAt, search } from "../shared/address";
 import { getJson } from "../shared/api";
 import { errorText } from "../shared/Messages";
 import { Page, show } from "../shared/Page";
-import { term } from "../shared/said";
 import { t } from "../shared/texts";
 import "./docs.css";
-import { type Section, sectionsWith } from "./contents";
+import { inLanguage, type Section, sectionsWith } from "./contents";
 import { GuideText, guideTitle, removeServed } from "./Guide";
 import { type ApiDocument, groupsOf, matching } from "./openapi";
 import { Prose } from "./Prose";
@@ -21,14 +20,12 @@ function Books({ sections }: { sections: Section[] }) {
     <>
       {sections.map((section, n) => (
         <section key={section.title} aria-labelledby={`section-${n}`}>
-          <h3 id={`section-${n}`}>{term(section.title)}</h3>
+          <h3 id={`section-${n}`}>{section.title}</h3>
           <ul class="books">
             {section.pages.map((page) => (
               <li key={page.name} class="card">
-                <a href={`/docs/${page.name}`}>{term(page.title)}</a>
-                <p class="quiet-text" lang="en">
-                  {page.summary}
-                </p>
+                <a href={`/docs/${page.name}`}>{page.title}</a>
+                <p class="quiet-text">{page.summary}</p>
               </li>
             ))}
           </ul>
@@ -104,7 +101,10 @@ function Content() {
   const [problem, setProblem] = useState<string | null>(null);
   useLayoutEffect(removeServed, []);
   useEffect(() => {
-    getJson<Section[]>("/docs/contents.json").then(setSections, (error) => setProblem(errorText(error)));
+    getJson<Section[]>("/docs/contents.json").then(
+      (all) => setSections(inLanguage(all)),
+      (error) => setProblem(errorText(error)),
+    );
     if (current !== null) return;
     getJson<ApiDocument>("/openapi.json").then(setApi, (error) => setProblem(errorText(error)));
   }, []);

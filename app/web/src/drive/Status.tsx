@@ -1,7 +1,7 @@
 /** Where a drive is that has not ended well yet: its progress, why it failed, that it is gone. */
 import { stageText } from "../shared/drives";
 import { duration } from "../shared/format";
-import { isNoLog, reasonOf, whereOf } from "../shared/remarks";
+import { failureText, isNoLog, reasonOf, whereOf } from "../shared/remarks";
 import { hasText, t } from "../shared/texts";
 import { WaitsForRoads } from "../shared/Waits";
 import { RetryButton } from "./Actions";
@@ -66,7 +66,7 @@ export function Failed({ drive }: { drive: Drive }) {
         )}
         <div>
           <dt>{t("drive.failed.kind")}</dt>
-          <dd>{failure.kind}</dd>
+          <dd>{failureText(failure.kind)}</dd>
         </div>
       </dl>
       {drive.log_deleted_at === null && (

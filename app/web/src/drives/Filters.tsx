@@ -1,7 +1,8 @@
 /** What the list is searched and narrowed by. */
 import { useEffect, useRef } from "preact/hooks";
 import { dayOf, midnight } from "../shared/days";
-import { hasText, type TextKey, t } from "../shared/texts";
+import { failureText } from "../shared/remarks";
+import { type TextKey, t } from "../shared/texts";
 import {
   addressWith,
   filtered,
@@ -37,12 +38,6 @@ const ROADS = "roads";
 function addressOf(status: string): string {
   if (status === ROADS) return addressWith({ status: null, failure: null, waits_for: "roads" });
   return addressWith({ status, failure: null, waits_for: status === "failed" ? "nothing" : null });
-}
-
-/** The kind of a failure in words. */
-export function failureText(kind: string): string {
-  const key = `drives.failure.${kind}`;
-  return hasText(key) ? t(key) : kind;
 }
 
 function Search() {

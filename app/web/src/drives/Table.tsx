@@ -1,10 +1,10 @@
 /** The drives: a table, or cards where there is no room for one. */
 import { type Drive, stageText } from "../shared/drives";
 import { distance, moment, number } from "../shared/format";
-import { reasonOf, remarksOf } from "../shared/remarks";
+import { failureText, reasonOf, remarksOf } from "../shared/remarks";
 import { t } from "../shared/texts";
 import { WaitsForRoads, waitsForRoads } from "../shared/Waits";
-import { failureText, sortedBy } from "./Filters";
+import { sortedBy } from "./Filters";
 import { drives, go, loading, order, type Sort, selected, sort } from "./state";
 
 const COLUMNS: [string, Sort | null][] = [

@@ -57,6 +57,11 @@ export function duration(seconds: number | null | undefined): string {
   return hours < 48 ? `${hours} h ${minutes % 60} min` : `${number(hours / 24, 1)} d`;
 }
 
+/** A day in UTC, such as `2026-11-20`, as the language writes it. */
+export function dayText(day: string): string {
+  return new Date(day).toLocaleDateString(currentLanguage(), { dateStyle: "medium", timeZone: "UTC" });
+}
+
 /** A moment in the visitor's own time zone. */
 export function moment(at: string | null | undefined): string {
   if (!at) return UNKNOWN;

@@ -2,6 +2,7 @@
 import type { components } from "../api/schema";
 import { api, got } from "./api";
 import { allowed, type Chosen, type Schema } from "./SchemaFields";
+import { loadSaid, term } from "./said";
 
 export type Methods = components["schemas"]["MethodList"];
 export interface MethodChosen {
@@ -12,16 +13,32 @@ export interface MethodChosen {
   gnssOptions: Chosen;
 }
 
+/** What a choice is and its options are, in the language of the page; its title is the first clause of that. */
+function said<T extends Methods["positionings"][number]>(choice: T): T {
+  const description = term(choice.description);
+  const options = structuredClone(choice.options) as Schema;
+  for (const one of Object.values(options.properties ?? {})) one.description = term(one.description ?? "");
+  const title = description.split(/\. |: |; /)[0]?.replace(/\.$/, "") ?? choice.title;
+  return { ...choice, title, description, source: term(choice.source), options };
+}
+
+function inLanguage(all: Methods): Methods {
+  const methods = all.methods.map((one) => ({ ...said(one), needs: one.needs.map(term) }));
+  return { ...all, methods, positionings: all.positionings.map(said) };
+}
+
 export const USUAL: MethodChosen = { method: "", options: {}, gnss: "", gnssOptions: {} };
 
 let asked: Promise<Methods> | null = null;
 
 /** The methods; asked for again only where that failed. */
 export function methods(): Promise<Methods> {
-  asked ??= got(api.GET("/v1/methods")).catch((error) => {
-    asked = null;
-    throw error;
-  });
+  asked ??= Promise.all([got(api.GET("/v1/methods")), loadSaid()])
+    .then(([all]) => inLanguage(all))
+    .catch((error) => {
+      asked = null;
+      throw error;
+    });
   return asked;
 }
 

@@ -1,5 +1,6 @@
 /** What the service remarks on a drive, and why one failed, as pages say it. */
 import { inWords, type Said } from "./said";
+import { hasText, t } from "./texts";
 
 export interface Remark {
   text: string;
@@ -47,6 +48,12 @@ export function remarksOf(report: Record<string, unknown> | null | undefined): R
     key: said[at]?.key ?? null,
     asks: asks(said[at]),
   }));
+}
+
+/** The kind of a failure in words. */
+export function failureText(kind: string): string {
+  const key = `drives.failure.${kind}`;
+  return hasText(key) ? t(key) : kind;
 }
 
 /** Why something failed. */

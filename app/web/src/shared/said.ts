@@ -61,7 +61,7 @@ function isSaid(value: unknown): value is Said {
 /** The words; undefined where a key in it has none. */
 function written(said: Said): string | undefined {
   if (said.key === "joined")
-    return list(said.parameters["parts"] as unknown[], said.parameters["by"] as string);
+    return list(said.parameters["parts"] as unknown[], term(said.parameters["by"] as string));
   // A page has other words than a command line where it has other ways.
   const own = `said.${said.key}`;
   const template: Template | undefined = hasText(own) ? t(own as TextKey) : templates[said.key];
@@ -69,8 +69,13 @@ function written(said: Said): string | undefined {
   const form =
     typeof template === "string" ? template : said.parameters["n"] === 1 ? template.one : template.other;
   let whole = true;
-  const words = form.replace(/\{(\w+)(?:![a-z])?(?::([^}]*))?\}/g, (_, name: string, spec?: string) => {
-    const value = shown(said.parameters[name], spec);
+  const hole = /\{\{|\}\}|\{(\w+)(![a-z])?(?::([^}]*))?\}/g;
+  const words = form.replace(hole, (all, name?: string, quoted?: string, spec?: string) => {
+    if (name === undefined) return all[0] as string;
+    const given = said.parameters[name];
+    // What is somebody's own, in quotes or not, is no word of ours.
+    const own = quoted && typeof given === "string";
+    const value = !own ? shown(given, spec) : quoted === "!r" ? `'${given}'` : given;
     whole &&= value !== undefined;
     return value ?? "";
   });

@@ -126,7 +126,7 @@ def test_what_cannot_be_asked(web: Any, verb: str, query: str) -> None:
 def test_a_dry_run_counts_and_changes_nothing(web: Any, made: list[str]) -> None:
     answer = web.client.post("/v1/drives/reprocess?which=all&dry_run=true")
     assert answer.status_code == 200, answer.text
-    counted = {"queued": 3, "skipped": {}, "note": None}
+    counted = {"queued": 3, "skipped": {}, "note": None, "note_said": None}
     assert answer.json() == {"complete": True, "method": None, "dry_run": True, "links": []} | counted
     assert [status for _, status in methods(web, made)] == ["failed"] * 3 + ["queued"]
     assert web.client.get("/v1/drives/reprocess?batch=1").status_code == 404

@@ -89,10 +89,12 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The titles of the pictures that are drawn; each is its number and not a PNG."""
     titles: list[str] = []
 
-    def draw(_self: Drawing, _profile: Profile, title: str, _said: object, datum: str) -> bytes:
+    def draw(
+        _self: Drawing, _profile: Profile, title: str, _said: object, datum: str, language: str
+    ) -> bytes:
         assert datum.startswith(("Heights: ", "What the heights"))
         titles.append(title)
-        return str(len(titles)).encode()
+        return f"{len(titles)}{'' if language == 'en' else language}".encode()
 
     monkeypatch.setattr(Drawing, "profile", draw)
     return titles
@@ -122,6 +124,11 @@ def test_a_picture_is_drawn_once_for_each_result(filled: Any, drawn: list[str]) 
     assert [filled.client.get(address(drive)).content for _ in range(2)] == [b"2", b"3"], "not kept: it waits"
     change(filled, "UPDATE drives SET status = 'done', finished_at = now()")
     assert [filled.client.get(address(drive)).content for _ in range(2)] == [b"4", b"4"]
+    german = [filled.client.get(address(drive), headers={"Accept-Language": "de"}) for _ in range(2)]
+    assert [answer.content for answer in german] == [b"5de", b"6de"], (
+        "one picture of a drive is kept, in English"
+    )
+    assert german[0].headers["vary"] == "Accept, Accept-Language"
     assert kept(filled) == 1
     change(filled, "DELETE FROM drives")
     assert kept(filled) == 0

@@ -3,6 +3,8 @@ import { signal } from "@preact/signals";
 import { confirmed } from "../../shared/Confirm";
 import { distance, size } from "../../shared/format";
 import { tellDone, tellError } from "../../shared/Messages";
+import { failureText } from "../../shared/remarks";
+import { inWords } from "../../shared/said";
 import { currentLanguage, t } from "../../shared/texts";
 import { withQuery } from "../links";
 import { reader } from "../page_state";
@@ -47,7 +49,7 @@ function numberOf(accepted: BatchAccepted): number | null {
 
 function skippedText(skipped: Record<string, number>): string {
   return Object.entries(skipped)
-    .map(([kind, count]) => `${kind}: ${count.toLocaleString(currentLanguage())}`)
+    .map(([kind, count]) => `${failureText(kind)}: ${count.toLocaleString(currentLanguage())}`)
     .join(", ");
 }
 
@@ -56,7 +58,7 @@ export async function reprocess(selection: Selection, whom: string): Promise<str
   try {
     const address = "/v1/drives/reprocess";
     const would = await ask<BatchAccepted>("POST", withQuery(address, { ...selection, dry_run: true }));
-    if (would.queued === 0) return would.note ?? t("admin.again.none");
+    if (would.queued === 0) return would.note ? inWords(would.note, would.note_said) : t("admin.again.none");
     const skipped = skippedText(would.skipped);
     const yes = await confirmed({
       title: t("admin.again.ask", { n: would.queued }),

@@ -2,6 +2,8 @@
 
 import { useState } from "preact/hooks";
 import { duration, number } from "../../shared/format";
+import { failureText } from "../../shared/remarks";
+import { inWords } from "../../shared/said";
 import { hasText, t } from "../../shared/texts";
 import type texts from "../../texts/en.json";
 import { remove, reprocess } from "../actions/drives";
@@ -34,7 +36,8 @@ function FailedActs({ row }: { row: Row }) {
   const kind = new URLSearchParams(ownAddress(row.link)?.split("?")[1] ?? "").get("failure");
   if (kind === null) return null;
   const selection = { which: "failed", failure: kind, created_after: firstMoment(FAILED_DAYS) };
-  const whom = t("admin.failures.whom", { kind, n: FAILED_DAYS });
+  const words = failureText(kind);
+  const whom = t("admin.failures.whom", { kind: words, n: FAILED_DAYS });
   return (
     <>
       {LACK_ROADS.has(kind) && (
@@ -44,12 +47,12 @@ function FailedActs({ row }: { row: Row }) {
       )}
       {row.severity === "act" && (
         <button type="button" onClick={() => void reprocess(selection, whom).then(setMessage)}>
-          {t("admin.attention.retry", { kind })}
+          {t("admin.attention.retry", { kind: words })}
         </button>
       )}
       {NO_LOGS.has(kind) && (
         <button type="button" class="danger" onClick={() => void remove(selection, whom).then(setMessage)}>
-          {t("admin.attention.remove", { kind })}
+          {t("admin.attention.remove", { kind: words })}
         </button>
       )}
       {message && <span role="status">{message}</span>}
@@ -69,7 +72,7 @@ function Item({ row }: { row: Row }) {
         <span class="severity">{t(`admin.attention.${row.severity}`)}</span> {name}
         {row.count > 1 && <span class="count"> · {number(row.count)}</span>}
       </h3>
-      <p lang="en">{row.what}</p>
+      <p>{inWords(row.what, row.said)}</p>
       {hasText(todo) && <p>{t(todo)}</p>}
       <p class="facts">
         {row.oldest_s !== null && (

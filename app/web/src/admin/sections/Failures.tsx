@@ -1,6 +1,8 @@
 /** Why drives failed, with retry and removal of all that failed so. */
 import { useState } from "preact/hooks";
 import { moment, number } from "../../shared/format";
+import { failureText } from "../../shared/remarks";
+import { inWords } from "../../shared/said";
 import { t } from "../../shared/texts";
 import { remove, reprocess } from "../actions/drives";
 import { drivePage, drivesPage, firstMoment, queryAddress } from "../links";
@@ -30,13 +32,14 @@ export function Failures() {
   const reading = useQuery<Failure>("failures", 30, days.value);
   const acts = (row: Failure) => {
     if (row.kind === null) return null;
-    const whom = t("admin.failures.whom", { kind: row.kind, n: days.value });
+    const kind = failureText(row.kind);
+    const whom = t("admin.failures.whom", { kind, n: days.value });
     const selection = { which: "failed", failure: row.kind, created_after: firstMoment(days.value) };
     return (
       <span class="acts">
         <button
           type="button"
-          aria-label={t("admin.failures.retry_of", { kind: row.kind })}
+          aria-label={t("admin.failures.retry_of", { kind })}
           onClick={() => void reprocess(selection, whom).then(setMessage)}
         >
           {t("admin.failures.retry")}
@@ -44,7 +47,7 @@ export function Failures() {
         <button
           type="button"
           class="danger"
-          aria-label={t("admin.failures.remove_of", { kind: row.kind })}
+          aria-label={t("admin.failures.remove_of", { kind })}
           onClick={() => void remove(selection, whom).then(setMessage)}
         >
           {t("admin.failures.remove")}
@@ -66,7 +69,7 @@ export function Failures() {
               rows={rows}
               csv={queryAddress("failures", { days: days.value, f: "csv" })}
               columns={[
-                { title: t("admin.failures.kind"), cell: (row) => row.kind ?? "–" },
+                { title: t("admin.failures.kind"), cell: (row) => failureText(row.kind ?? "unknown") },
                 {
                   title: t("admin.failures.drives"),
                   number: true,
@@ -88,7 +91,7 @@ export function Failures() {
                         moment(row.latest_at)
                       )}
                       <br />
-                      <span class="reason">{row.latest_reason}</span>
+                      <span class="reason">{inWords(row.latest_reason ?? "", row.latest_said)}</span>
                     </>
                   ),
                 },

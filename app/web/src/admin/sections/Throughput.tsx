@@ -1,5 +1,5 @@
 /** What was done over time and what it took; drives by day; times by method. */
-import { distance, duration, number } from "../../shared/format";
+import { dayText, distance, duration, number } from "../../shared/format";
 import { hasText, t } from "../../shared/texts";
 import { drivesPage, queryAddress } from "../links";
 import { days, offers, useQuery } from "../page_state";
@@ -76,7 +76,7 @@ function ByDay() {
           csv={queryAddress("drives", { days: days.value, f: "csv" })}
           most={10}
           columns={[
-            { title: t("admin.throughput.day"), cell: (row) => row.day },
+            { title: t("admin.throughput.day"), cell: (row) => dayText(row.day) },
             { title: t("admin.throughput.status"), cell: (row) => statusText(row.status) },
             {
               title: t("admin.throughput.count"),

@@ -5,6 +5,8 @@ import { api, got } from "../../shared/api";
 import { moment, size } from "../../shared/format";
 import { LogIn } from "../../shared/LoggedIn";
 import { errorText } from "../../shared/Messages";
+import { reasonOf } from "../../shared/remarks";
+import { inWords, loadSaid } from "../../shared/said";
 import { may } from "../../shared/session";
 import { t } from "../../shared/texts";
 import { wholeBox } from "../free";
@@ -38,6 +40,7 @@ export function useMaking(): { made: Export | null; why: string; busy: boolean; 
       if (!map) return;
       const body = { bbox: wholeBox(map), ...asked.wish } as components["schemas"]["ExportRequest"];
       let one = await got(api.POST("/v1/exports", { body, signal }));
+      await loadSaid();
       while (!signal.aborted) {
         set(one);
         if (one.status !== "queued" && one.status !== "running") break;
@@ -72,7 +75,9 @@ export function Making({
   nothing: string;
 }) {
   const failed =
-    why || (made?.failure?.reason ?? (made?.status === "cancelled" ? t("tools.making.cancelled") : ""));
+    why ||
+    ((made?.failure ? reasonOf(made.failure) : null) ??
+      (made?.status === "cancelled" ? t("tools.making.cancelled") : ""));
   const place = useRef<HTMLDivElement>(null);
   // A phone's sheet ends above it.
   useEffect(() => {
@@ -100,9 +105,9 @@ export function Making({
             {size(made.size_bytes)} · {t("tools.making.entries", { n: made.entries ?? 0 })} ·{" "}
             {t("tools.making.kept", { moment: moment(made.expires_at) })}
           </p>
-          {made.notes.map((one) => (
+          {made.notes.map((one, n) => (
             <p key={one} class="quiet-text small">
-              {one}
+              {inWords(one, made.notes_said?.[n])}
             </p>
           ))}
         </>

@@ -1,0 +1,1 @@
+"""The parser of commands in the person's language."""

@@ -1,1 +1,0 @@
-export{n as SegmentView}from"./SegmentView-Dd5f6XBS.js";

@@ -1,0 +1,1 @@
+export{n as SegmentView}from"./SegmentView-QkKI7Fm8.js";
