@@ -43,6 +43,8 @@ def fuse(
     option: list[str] | None = cli.METHOD_OPTION,
     gnss: str = cli.gnss_name(DEFAULT_POSITIONING),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
+    base: list[Path] | None = cli.BASE,
+    base_place: str | None = cli.BASE_PLACE,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     together: bool = cli.TOGETHER,
     apart: bool = cli.APART,
@@ -93,7 +95,8 @@ def fuse(
         terrain = stack.enter_context(Dem.open(dem, trusted=True)) if dem else None
         table = read_roads(roads, bars.work(roads.name))
         fusion = Fusion(method, chosen, table, terrain, points)
-        drives = cli.sorted_drives(logs, console, together=together, apart=apart, columns=named)
+        station = cli.base_of(base, base_place)
+        drives = cli.sorted_drives(logs, console, together=together, apart=apart, columns=named, base=station)
         outcomes = [_one(fusion, source, console, bars) for source in drives]
         combined = fusion.solve(gaps=gaps)
         source = attribution(combined.rasters)

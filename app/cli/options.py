@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +15,14 @@ import typer
 
 from fusion.errors import BadOptionsError, FusionError, UnknownNameError
 from fusion.registry import check_columns
+from fusion.types import no_progress
 
 if TYPE_CHECKING:
     from app.cli.console import Console
     from app.core.db import Bounds
     from fusion.formats.container import Member
     from fusion.methods.base import Options
+    from fusion.signals import RawGnss
     from fusion.types import DriveLog, Progress
 
 
@@ -81,6 +83,17 @@ CONTROL = opt(
     metavar="FILE.csv",
 )
 METHOD_OPTION = opt("Option of the method; may be given several times.", "--option", metavar="NAME=VALUE")
+BASE = opt(
+    "Log of a receiver whose place is known, near the drive and at its time, such as RINEX of a reference station: "
+    "pseudoranges are corrected by it. Given again: its navigation file.",
+    "--base",
+    metavar="FILE",
+)
+BASE_PLACE = opt(
+    "Where the base's antenna stands: degrees and metres above the ellipsoid. Default: as its file says.",
+    "--base-place",
+    metavar="LAT,LON,HEIGHT",
+)
 LOG_NAMES = arg(
     "Drive logs, gzipped or not. Of a folder or a zip those files are one drive that belong together, as observations "
     "and navigation do; others are drives of their own.",
@@ -106,11 +119,12 @@ COLUMNS_OPTION = opt(
 class LogFiles:
     """The files that belong to one drive, as they were named: files, or folders of files.
 
-    ``members``: the files in them that this drive is made of, where they hold several drives.
+    ``members``: the files in them that this drive is made of, where they hold several drives. ``base``: see ``BASE``.
     """
 
     paths: tuple[Path, ...]
     members: tuple[Member, ...] = ()
+    base: RawGnss | None = None
 
     @property
     def name(self) -> str:
@@ -144,13 +158,46 @@ class LogFiles:
         if self.members:
             names = [one.name for one in self.members]
             data = [one.data for one in self.members]
-            return read_logs(data, names=names, columns=columns, progress=progress)
-        return read_logs(self.files(), columns=columns, progress=progress)
+            log = read_logs(data, names=names, columns=columns, progress=progress)
+        else:
+            log = read_logs(self.files(), columns=columns, progress=progress)
+        if self.base is None or log.raw is None:
+            return log
+        return replace(log, raw=log.raw.beside(self.base))
 
 
-def drives_of(paths: Sequence[Path], together: bool) -> list[LogFiles]:
+def base_of(paths: Sequence[Path] | None, place: str | None) -> RawGnss | None:
+    """What ``BASE`` and ``BASE_PLACE`` say; raises ``typer.BadParameter`` for what is of no use."""
+    if not paths:
+        if place is not None:
+            raise typer.BadParameter(
+                "it is the place of a base, and no --base is given.", param_hint="--base-place"
+            )
+        return None
+    import numpy as np
+
+    from fusion.gnss.earth import ecef
+
+    try:
+        base = LogFiles(tuple(paths)).read(no_progress).raw
+    except (FusionError, OSError) as error:
+        raise typer.BadParameter(f"{', '.join(map(str, paths))}: {error}", param_hint="--base") from error
+    if base is None or not len(base.signals):
+        raise typer.BadParameter("the file holds no pseudoranges.", param_hint="--base")
+    if place is None:
+        return base
+    try:
+        lat_deg, lon_deg, height_m = (float(part) for part in place.split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"{place!r} is not LAT,LON,HEIGHT, such as 49.0112,8.4112,163.4.", param_hint="--base-place"
+        ) from None
+    return replace(base, place_m=ecef(np.array([lon_deg]), np.array([lat_deg]), np.array([height_m]))[0])
+
+
+def drives_of(paths: Sequence[Path], together: bool, base: RawGnss | None = None) -> list[LogFiles]:
     """Each path a drive, or all of them one."""
-    return [LogFiles(tuple(paths))] if together else [LogFiles((path,)) for path in paths]
+    return [LogFiles(one, base=base) for one in ([tuple(paths)] if together else [(path,) for path in paths])]
 
 
 def sorted_drives(
@@ -160,11 +207,12 @@ def sorted_drives(
     together: bool,
     apart: bool,
     columns: Mapping[str, str] | None = None,
+    base: RawGnss | None = None,
 ) -> list[LogFiles]:
     """Each path a drive, but a folder or a zip as many as are in it, which is said; or all of them one."""
     if together and apart:
         raise typer.BadParameter("--together and --apart contradict each other.", param_hint="'--apart'")
-    drives = drives_of(paths, together)
+    drives = drives_of(paths, together, base)
     return drives if together else [one for named in drives for one in _in_it(named, console, apart, columns)]
 
 
@@ -189,7 +237,7 @@ def _in_it(
         return [named]
     console.note(f"{named.name}: {len(found.grouping.drives)} drives.")
     console.warn(named.name, (f"{name} was left out. {reason}" for name, reason in found.left_out))
-    return [LogFiles(named.paths, tuple(found.files[k] for k in drive)) for drive in found.grouping.drives]
+    return [replace(named, members=tuple(found.files[k] for k in drive)) for drive in found.grouping.drives]
 
 
 def unclear_words(files: Sequence[str], why: str) -> str:

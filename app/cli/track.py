@@ -31,6 +31,8 @@ def track(
     out: Path = cli.written_file("-o", "--out", help="Positions: .csv or .geojson.", default=...),
     gnss: str = cli.gnss_name(DEFAULT_POSITIONING),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
+    base: list[Path] | None = cli.BASE,
+    base_place: str | None = cli.BASE_PLACE,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     together: bool = cli.TOGETHER,
     apart: bool = cli.APART,
@@ -49,7 +51,8 @@ def track(
     tracks: list[Positions] = []
     outcomes = []
     with console.progress() as bars:
-        drives = cli.sorted_drives(logs, console, together=together, apart=apart, columns=named)
+        station = cli.base_of(base, base_place)
+        drives = cli.sorted_drives(logs, console, together=together, apart=apart, columns=named, base=station)
         for source in drives:
             outcome = {"file": source.name, "positions": 0, "reason": None, "gnss": {}, "warnings": []}
             try:
@@ -108,6 +111,8 @@ def gnss_study(
     ),
     gnss: str = cli.gnss_name("one-sided"),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
+    base: list[Path] | None = cli.BASE,
+    base_place: str | None = cli.BASE_PLACE,
     out: Path | None = cli.written_file("-o", "--out", help="A picture, .png."),
     json_file: Path | None = cli.JSON_FILE,
 ) -> None:
@@ -119,7 +124,7 @@ def gnss_study(
         _usable(out, "picture", [".png"])
     options = cli.positioning_options(gnss, gnss_option)
     with console.progress() as bars:
-        (drive,) = cli.drives_of(logs, together=True)
+        (drive,) = cli.drives_of(logs, together=True, base=cli.base_of(base, base_place))
         computed = _positioned(drive, gnss, options, bars.work(drive.short_name))
     console.warn(drive.name, computed.log.warnings)
     if computed.measured is None or computed.solution is None:
