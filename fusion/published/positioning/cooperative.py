@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fusion.types import Bools, Floats
+from fusion.types import Bools, Floats, Ints
 
 MOST_NEIGHBOURS = 4
 """Of the neighbours those whose places are surest."""
@@ -58,12 +58,10 @@ def refined(place_m: Floats, covariance_m2: Floats, neighbours: Neighbours) -> F
     return np.asarray(at)
 
 
-def contaminated(reflected: Bools, epoch_first: Floats, share: float = 0.25) -> Bools:
+def contaminated(reflected: Bools, first: Ints, share: float = 0.25) -> Bools:
     """Epochs (m,) of which a ``share`` of the satellites or more is received by reflections; rows (n,) are satellites'.
 
-    ``epoch_first`` (m + 1,): where each epoch's rows begin.
+    ``first`` (m + 1,): where each epoch's rows begin.
     """
-    total = np.concatenate([[0], np.cumsum(reflected)])
-    first = np.asarray(epoch_first, np.int64)
-    count = np.diff(first)
+    total, count = np.concatenate([[0], np.cumsum(reflected)]), np.diff(first)
     return np.asarray((total[first[1:]] - total[first[:-1]] >= share * count) & (count > 0))
