@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """The experiments of the source documents on simulated drives of the same shape, their figures beside ours.
 
-    python benchmarks/seeds.py [DATA_DIR] [--only calais lahrech saadaoui methods] [--seeds N] [--roadtruth PATH]
-                               [--json FILE] [--write]
+    python benchmarks/seeds.py [DATA_DIR] [--only calais lahrech saadaoui surveyed methods] [--seeds N]
+                               [--roadtruth PATH] [--json FILE] [--write]
 
 Parts: ``calais`` (Al Assaad 2020: a 549 s drive through motorway interchanges, chapters 2 and 3, and the unscented
 filter that it compares with), ``lahrech`` (Lahrech et al. 2005: 325 s in town with two outages), ``saadaoui`` (Saadaoui
-2011: Kalman filters on linear, turning and outage drives) and ``methods``: every method on the sequences 09 and 10 of
+2011: Kalman filters on linear, turning and outage drives), ``surveyed`` (systems that it describes without equations:
+vehicles that co-operate, GPS beside a base) and ``methods``: every method on the sequences 09 and 10 of
 DATA_DIR (the folder ``karlsruhe``; ``roadtruth.py`` makes logs of them as for ``slope_accuracy.py``). Without DATA_DIR
 the last part is left out.
 
@@ -33,6 +34,7 @@ PARTS = {
     "calais": "published.particle.calais",
     "lahrech": "published.odometer_map.lahrech",
     "saadaoui": "published.gps_ins.saadaoui",
+    "surveyed": "published.gps_ins.surveyed",
     "methods": "published.methods",
 }
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -40,6 +42,7 @@ PAGES = {
     "calais": DOCS / "published" / "al-assaad-2020.md",
     "lahrech": DOCS / "published" / "lahrech-2005.md",
     "saadaoui": DOCS / "published" / "saadaoui-2011.md",
+    "surveyed": DOCS / "published" / "saadaoui-2011.md",
     "methods": DOCS / "published" / "index.md",
 }
 PICTURE = DOCS / "images" / "calais.png"

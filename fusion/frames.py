@@ -34,6 +34,19 @@ def geodetic(position_m: Floats) -> tuple[Floats, Floats, Floats]:
     return np.asarray(lon, float), np.asarray(lat, float), np.asarray(height, float)
 
 
+def local_axes(position_m: Floats) -> Floats:
+    """Rotations (n, 3, 3) whose rows are east, north and up at ECEF places (n, 3)."""
+    lon_deg, lat_deg, _ = geodetic(position_m)
+    lon, lat = np.radians(lon_deg), np.radians(lat_deg)
+    zero = np.zeros_like(lon)
+    rows = [
+        [-np.sin(lon), np.cos(lon), zero],
+        [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)],
+        [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
+    ]
+    return np.moveaxis(np.array(rows, float), (0, 1), (-2, -1))
+
+
 @dataclass(frozen=True)
 class LocalProjection:
     """A transverse Mercator plane centred on (lon0_deg, lat0_deg): x east, y north, metres.

@@ -6,7 +6,7 @@ written in. GPS seconds count from 1980-01-06 00:00:00 without leap seconds; eve
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
@@ -242,7 +242,17 @@ class Navigation:
 
 @dataclass(frozen=True)
 class RawGnss:
-    """The raw side of a log: what was measured, and what is needed to make positions of it."""
+    """The raw side of a log: what was measured, and what is needed to make positions of it.
+
+    ``place_m`` (3,) is where the log says that its receiver stood, ECEF: bases do. ``base`` is the raw side of a base's
+    log, by whose ``place_m`` pseudoranges are corrected (``fusion.gnss.differential``).
+    """
 
     signals: Signals = field(default_factory=Signals.empty)
     navigation: Navigation = field(default_factory=Navigation)
+    place_m: Floats | None = None
+    base: RawGnss | None = None
+
+    def beside(self, base: RawGnss) -> RawGnss:
+        """The same with a base, which knows the ephemerides of both."""
+        return replace(self, base=replace(base, navigation=base.navigation.joined(self.navigation)))

@@ -36,7 +36,7 @@ SHARED_BY = 4
 """Options that so many commands share are listed once."""
 OPTION_HEAD = ("argument or option", "meaning")
 PROPERTY_HEAD = ("property", "type", "unit", "meaning")
-EXPERIMENTS = {"calais", "lahrech", "saadaoui", "methods_on_roads"}
+EXPERIMENTS = {"calais", "lahrech", "saadaoui", "surveyed", "methods_on_roads"}
 """Tables that ``benchmarks/seeds.py --write`` renews."""
 
 

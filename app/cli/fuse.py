@@ -13,6 +13,7 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Bars, Console, spoken, write_json
+from app.cli.named_logs import LogFiles, base_of, sorted_drives
 from app.core.messages import say
 from app.core.text import whole_file
 from fusion.errors import FusionError
@@ -44,6 +45,8 @@ def fuse(
     option: list[str] | None = cli.METHOD_OPTION,
     gnss: str = cli.gnss_name(DEFAULT_POSITIONING),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
+    base: list[Path] | None = cli.BASE,
+    base_place: str | None = cli.BASE_PLACE,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     together: bool = cli.TOGETHER,
     apart: bool = cli.APART,
@@ -94,7 +97,8 @@ def fuse(
         terrain = stack.enter_context(Dem.open(dem, trusted=True)) if dem else None
         table = read_roads(roads, bars.work(roads.name))
         fusion = Fusion(method, chosen, table, terrain, points)
-        drives = cli.sorted_drives(logs, console, together=together, apart=apart, columns=named)
+        station = base_of(base, base_place)
+        drives = sorted_drives(logs, console, together=together, apart=apart, columns=named, base=station)
         outcomes = [_one(fusion, source, console, bars) for source in drives]
         combined = fusion.solve(gaps=gaps)
         source = attribution(combined.rasters)
@@ -128,7 +132,7 @@ def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
     return rest, dem + more
 
 
-def _one(fusion: Fusion, source: cli.LogFiles, console: Console, bars: Bars) -> dict[str, Any]:
+def _one(fusion: Fusion, source: LogFiles, console: Console, bars: Bars) -> dict[str, Any]:
     from app.cli.fuse_files import outcome_of
 
     try:
@@ -144,7 +148,7 @@ def _one(fusion: Fusion, source: cli.LogFiles, console: Console, bars: Bars) -> 
         return _without_result(source, "failed", reason)
 
 
-def _without_result(source: cli.LogFiles, status: str, reason: str) -> dict[str, Any]:
+def _without_result(source: LogFiles, status: str, reason: str) -> dict[str, Any]:
     return {"file": source.name, "status": status, "reason": reason, "segments": 0}
 
 
@@ -200,7 +204,7 @@ def _pictures(
         console.note(say("fuse.track", file=path, name=one.source.short_name))
 
 
-def _numbered(path: Path, number: int | None, source: cli.LogFiles) -> Path:
+def _numbered(path: Path, number: int | None, source: LogFiles) -> Path:
     """The file of one log among several: ``profile.png`` becomes ``profile-2-tuesday.png``."""
     if number is None:
         return path

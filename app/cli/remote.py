@@ -12,6 +12,7 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Bars, Console, spoken, write_json
+from app.cli.named_logs import LogFiles, drives_of, unclear_words
 from app.core.messages import say
 from fusion.errors import FusionError
 from fusion.messages import message_of, remarks_of
@@ -80,7 +81,7 @@ def upload(
         raise typer.BadParameter(spoken(say("options.contradict")), param_hint="'--apart'")
     grouping = "one" if together else "apart" if apart else None
     computation = {"method": method, "options": options, "gnss": gnss, "grouping": grouping}
-    sources = cli.drives_of(files, together)
+    sources = drives_of(files, together)
     with service_client(server, key, data_dir) as client, console.progress() as bars:
         client.get("/healthz")  # a service that is not there is said once, not per file
         uploads = [
@@ -187,7 +188,7 @@ def shown_status(status: str, waits_for: Mapping[str, Any] | None) -> str:
 
 def _send(
     client: Client,
-    source: cli.LogFiles,
+    source: LogFiles,
     computation: dict[str, Any],
     bars: Bars,
     console: Console,
@@ -213,14 +214,14 @@ def _send(
             _tell_failed(one, console)
     for document in sent.documents:
         doubts = document.get("unclear") or []
-        console.warn(source.name, (cli.unclear_words(doubt["files"], doubt["why"]) for doubt in doubts))
+        console.warn(source.name, (unclear_words(doubt["files"], doubt["why"]) for doubt in doubts))
     console.warn(
         source.name, (say("logs.left_out", name=one["file"], reason=one["reason"]) for one in sent.left_out)
     )
     return uploads
 
 
-def _drives_of(source: cli.LogFiles, sent: Sent) -> list[Upload]:
+def _drives_of(source: LogFiles, sent: Sent) -> list[Upload]:
     """A line for each drive; where they are several, also for each file that is in none."""
     if len(sent.drives) == 1:
         return [Upload(source.name, sent.drives[0], sent.drives[0].reason)]

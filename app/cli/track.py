@@ -11,6 +11,7 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Console, part_of, spoken, tell, write_json
+from app.cli.named_logs import LogFiles, base_of, drives_of, sorted_drives
 from app.core.messages import say
 from app.core.text import whole_file
 from fusion.errors import FusionError, MissingSensorError
@@ -32,6 +33,8 @@ def track(
     out: Path = cli.written_file("-o", "--out", help="Positions: .csv or .geojson.", default=...),
     gnss: str = cli.gnss_name(DEFAULT_POSITIONING),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
+    base: list[Path] | None = cli.BASE,
+    base_place: str | None = cli.BASE_PLACE,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     together: bool = cli.TOGETHER,
     apart: bool = cli.APART,
@@ -50,7 +53,8 @@ def track(
     tracks: list[Positions] = []
     outcomes = []
     with console.progress() as bars:
-        drives = cli.sorted_drives(logs, console, together=together, apart=apart, columns=named)
+        station = base_of(base, base_place)
+        drives = sorted_drives(logs, console, together=together, apart=apart, columns=named, base=station)
         for source in drives:
             outcome = {"file": source.name, "positions": 0, "reason": None, "gnss": {}, "warnings": []}
             try:
@@ -91,7 +95,7 @@ def _usable(out: Path, what: str, suffixes: Collection[str]) -> None:
 
 
 def _positioned(
-    source: cli.LogFiles,
+    source: LogFiles,
     gnss: str,
     options: Mapping[str, Any],
     progress: Progress,
@@ -113,6 +117,8 @@ def gnss_study(
     ),
     gnss: str = cli.gnss_name("one-sided"),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
+    base: list[Path] | None = cli.BASE,
+    base_place: str | None = cli.BASE_PLACE,
     out: Path | None = cli.written_file("-o", "--out", help="A picture, .png."),
     json_file: Path | None = cli.JSON_FILE,
 ) -> None:
@@ -124,7 +130,7 @@ def gnss_study(
         _usable(out, "picture", [".png"])
     options = cli.positioning_options(gnss, gnss_option)
     with console.progress() as bars:
-        (drive,) = cli.drives_of(logs, together=True)
+        (drive,) = drives_of(logs, together=True, base=base_of(base, base_place))
         computed = _positioned(drive, gnss, options, bars.work(drive.short_name))
     console.warn(drive.name, computed.log.warnings)
     if computed.measured is None or computed.solution is None:

@@ -112,7 +112,8 @@ def _raw(parts: Sequence[Part], notes: Notes) -> RawGnss | None:
     navigation = Navigation()
     for _, raw in bringing:
         navigation = navigation.joined(raw.navigation)
-    return RawGnss(_signals([signals for _, signals in measured]), navigation)
+    places = (raw.place_m for _, raw in bringing if raw.place_m is not None)
+    return RawGnss(_signals([signals for _, signals in measured]), navigation, next(places, None))
 
 
 def _signals(parts: list[Signals]) -> Signals:

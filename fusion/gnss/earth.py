@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fusion.frames import ecef_to_geodetic, geodetic
+from fusion.frames import ecef_to_geodetic, local_axes
 from fusion.types import Floats
 
 EARTH_RATE_RADPS = 7.2921151467e-5
@@ -20,19 +20,6 @@ def ecef(lon_deg: Floats, lat_deg: Floats, height_m: Floats) -> Floats:
         direction="INVERSE",
     )
     return np.column_stack([x, y, z]).astype(float)
-
-
-def local_axes(position_m: Floats) -> Floats:
-    """Rotations (n, 3, 3) whose rows are east, north and up at ECEF places (n, 3)."""
-    lon_deg, lat_deg, _ = geodetic(position_m)
-    lon, lat = np.radians(lon_deg), np.radians(lat_deg)
-    zero = np.zeros_like(lon)
-    rows = [
-        [-np.sin(lon), np.cos(lon), zero],
-        [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)],
-        [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
-    ]
-    return np.moveaxis(np.array(rows, float), (0, 1), (-2, -1))
 
 
 def elevation_azimuth(user_m: Floats, satellite_m: Floats) -> tuple[Floats, Floats]:

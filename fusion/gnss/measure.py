@@ -19,6 +19,7 @@ from fusion.gnss.corrections import (
     troposphere_delay_m,
     turned_by_earth,
 )
+from fusion.gnss.differential import corrected, corrections_of
 from fusion.gnss.earth import elevation_azimuth
 from fusion.gnss.measurements import Measurements
 from fusion.gnss.missing_navigation import navigation_warnings
@@ -57,7 +58,19 @@ class _Sky(ColumnTable):
 
 
 def measure(raw: RawGnss, progress: Progress) -> Measurements:
-    """Corrected measurements of a log; all epochs stay, rows that cannot be used are dropped and counted.
+    """Corrected measurements of a log, by its base where it has one; all epochs stay.
+
+    Rows that cannot be used are dropped and counted. Raises ``MalformedLogError`` for a base that is of no use.
+    """
+    if raw.base is None:
+        return _measured(raw, progress)
+    measured = _measured(raw, lambda stage, share: progress(stage, 0.5 * share))
+    base = _measured(raw.base, lambda stage, share: progress(stage, 0.5 + 0.5 * share))
+    return corrected(measured, corrections_of(base, raw.base.place_m))
+
+
+def _measured(raw: RawGnss, progress: Progress) -> Measurements:
+    """What one receiver says.
 
     Logs that bring their satellites' places need the earth's turn and nothing else. Where no place on earth can be
     found, there are no rows, ``rough_m`` is NaN and a warning says why.

@@ -65,6 +65,18 @@ class Measurements:
         """The epoch of each row, (n,)."""
         return np.repeat(np.arange(len(self)), np.diff(self.first))
 
+    def take_rows(self, keep: Bools) -> Measurements:
+        """The rows that a mask (n,) selects; epochs stay, if without rows."""
+        counts = np.bincount(self.epoch[keep], minlength=len(self))
+        columns = {name: getattr(self, name)[keep] for name in _OF_ROWS}
+        return replace(self, first=np.append(0, np.cumsum(counts)), **columns)
+
+
+_OF_ROWS = (
+    "satellite", "group", "pseudorange_m", "range_rate_mps", "cn0_dbhz", "sigma_m", "elevation_rad", "azimuth_rad",
+    "satellite_m", "satellite_mps",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Aids:

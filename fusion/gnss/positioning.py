@@ -14,9 +14,8 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from fusion.errors import BadOptionsError, EmptyLogError, LogError, MissingSensorError
-from fusion.frames import geodetic
+from fusion.frames import geodetic, local_axes
 from fusion.gnss.doppler import doppler_velocities
-from fusion.gnss.earth import local_axes
 from fusion.gnss.measure import measure
 from fusion.gnss.measurements import (
     Aids,

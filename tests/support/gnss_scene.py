@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fusion.gnss.earth import ecef, elevation_azimuth, local_axes
+from fusion.frames import local_axes
+from fusion.gnss.earth import ecef, elevation_azimuth
 from fusion.gnss.measurements import Measurements, Solution
 from fusion.types import Bools, Floats
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fusion.gnss.earth import ecef, elevation_azimuth, local_axes
+from fusion.frames import local_axes
+from fusion.gnss.earth import ecef, elevation_azimuth
 from fusion.gnss.measurements import Measurements
 from fusion.types import Floats
 

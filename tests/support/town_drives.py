@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fusion.gnss.earth import ecef, local_axes
+from fusion.frames import local_axes
+from fusion.gnss.earth import ecef
 from fusion.gnss.measurements import Measurements
 from fusion.types import Floats
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from fusion.gnss.earth import local_axes
+from fusion.frames import local_axes
 from fusion.gnss.measurements import Solution
 from fusion.types import Bools, Floats
 

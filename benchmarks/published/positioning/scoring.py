@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fusion.gnss.earth import local_axes
+from fusion.frames import local_axes
 from fusion.gnss.measurements import Aids, Measurements, Solution, Solver
 from fusion.types import Floats, no_progress
 

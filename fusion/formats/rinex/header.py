@@ -41,6 +41,10 @@ class Header:
     channel: dict[int, int] = field(default_factory=dict)
     alpha: tuple[float, ...] = ()
     beta: tuple[float, ...] = ()
+    place_m: tuple[float, ...] = ()
+    """ECEF, of the marker; nothing where not stated."""
+    antenna_m: tuple[float, ...] = ()
+    """Of the antenna above the marker: up, east, north."""
     lines: int = 0
     _system_of_list: str = " "
 
@@ -64,6 +68,10 @@ class Header:
         elif label == "TIME OF FIRST OBS":
             scale = content[48:51].strip().upper()
             self.time_scale = scale if scale in _SCALES else self.time_scale
+        elif label == "APPROX POSITION XYZ":
+            self.place_m = _numbers(content, 3)
+        elif label == "ANTENNA: DELTA H/E/N":
+            self.antenna_m = _numbers(content, 3)
         elif label == "ION ALPHA" or content.startswith("GPSA"):
             self.alpha = _four(content, 2 if label == "ION ALPHA" else 5)
         elif label == "ION BETA" or content.startswith("GPSB"):
@@ -133,6 +141,14 @@ def _first(line: str) -> Header:
             where="line 1",
         )
     return Header(version, kind, system if system in SYSTEMS + "MI" else "G")
+
+
+def _numbers(content: str, count: int) -> tuple[float, ...]:
+    """So many numbers in 14 columns each, or none."""
+    try:
+        return tuple(float(content[14 * k : 14 * k + 14]) for k in range(count))
+    except ValueError:
+        return ()
 
 
 def _four(content: str, at: int) -> tuple[float, ...]:

@@ -13,6 +13,7 @@ from tempfile import TemporaryFile
 from typing import IO
 
 import hatanaka.bin
+import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log
@@ -20,11 +21,14 @@ from fusion.formats.rinex.header import Header, read_header
 from fusion.formats.rinex.lines import Lines, split_lines
 from fusion.formats.rinex.navigation import read_navigation
 from fusion.formats.rinex.observations import read_observations
+from fusion.frames import local_axes
 from fusion.messages import say
 from fusion.signals import SYSTEMS, Navigation, RawGnss
-from fusion.types import DriveLog, Progress
+from fusion.types import DriveLog, Floats, Progress
 
 ADVICE = say("advice.rinex")
+LEAST_RADIUS_M = 6.0e6
+"""No place on earth is nearer to its middle; 0 is written for one that is not known."""
 
 
 def read_file(
@@ -66,7 +70,16 @@ def _observations(
     progress("read observations", 1.0)
     epochs_s = signals.time_s
     outages_s = outages_s[(outages_s > epochs_s[0]) & (outages_s <= epochs_s[-1])]
-    return build_log(kind, notes, {}, raw=RawGnss(signals), outages_s=outages_s)
+    return build_log(kind, notes, {}, raw=RawGnss(signals, place_m=_place(header)), outages_s=outages_s)
+
+
+def _place(header: Header) -> Floats | None:
+    """Where the antenna stood by the header; None where it does not say, or says 0."""
+    marker = np.array(header.place_m or np.zeros(3))
+    if not np.linalg.norm(marker) > LEAST_RADIUS_M:
+        return None
+    up, east, north = header.antenna_m or (0.0, 0.0, 0.0)
+    return np.asarray(marker + local_axes(marker[None])[0].T @ [east, north, up])
 
 
 LONGEST_S = 60.0

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fusion.compiled import compiled
-from fusion.gnss.earth import local_axes
+from fusion.frames import local_axes
 from fusion.gnss.measurements import Measurements
 from fusion.types import Floats, Ints
 

@@ -29,6 +29,7 @@ from fusion.signals import (
     satellite_name,
     unix_from_gps,
 )
+from fusion.types import Floats
 
 _SIGNAL = {"C": "2I"}
 _INAV_SOURCES = 517
@@ -38,9 +39,14 @@ _NO_TIME = 9.999e8
 _PROGRAM = "versant"
 
 
-def observations(signals: Signals) -> str:
-    """The text of an observation file with pseudorange, Doppler and C/N0; what is NaN is left blank."""
+def observations(signals: Signals, place_m: Floats | None = None) -> str:
+    """The text of an observation file with pseudorange, Doppler and C/N0; what is NaN is left blank.
+
+    ``place_m`` (3,) is where a base's antenna stands, ECEF.
+    """
     lines = _begin("OBSERVATION DATA", "M")
+    if place_m is not None:
+        lines.append(_header("".join(f"{v:14.4f}" for v in place_m), "APPROX POSITION XYZ"))
     for letter in (SYSTEMS[s] for s in np.unique(signals.system)):
         code = _SIGNAL.get(letter, "1C")
         lines.append(_header(f"{letter}    3 C{code} D{code} S{code}", "SYS / # / OBS TYPES"))

@@ -23,7 +23,7 @@ from app.batch.run import Done, Request, run
 from app.batch.solving import StoredEvidence
 from app.cli import app
 from app.cli.fuse_files import Fusion
-from app.cli.options import LogFiles
+from app.cli.named_logs import LogFiles
 from fusion.network.segment_slopes import Adjustment
 from fusion.pipeline import parse_options
 from fusion.results import Solution

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +14,12 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.cli import app
-from fusion.published.canyon.drive import canyon_of
+from fusion.frames import geodetic
+from fusion.published.canyon.drive import canyon_of, simulate_canyon
+from fusion.published.canyon.fronts import NO_FRONTS
+from fusion.published.canyon.radio import TOWN
+from fusion.published.canyon.ride import Ride
+from fusion.signals import Signals
 from fusion.simulate.drive import SimulatedDrive, simulate_drive
 from fusion.simulate.scene.town import make_town
 from fusion.simulate.write.csv_file import write_csv
@@ -152,3 +158,78 @@ def test_wrong_names_are_wrong_usage(given: tuple[str, ...], said: str, files: F
         result = run(command[0], files.folder, *command[1:], *given, "-o", tmp_path / "out.csv")
         assert result.exit_code == 2
         assert said in result.stderr
+
+
+class Base(NamedTuple):
+    """Files of a base under open sky, and of the drive that shares its errors."""
+
+    rover: Path
+    station: Path
+    placeless: Path
+    place: str
+
+
+@pytest.fixture(scope="module")
+def base(files: Files, tmp_path_factory: pytest.TempPathFactory) -> Base:
+    folder, drive = tmp_path_factory.mktemp("base"), files.drive
+    raw = canyon_of(drive, everywhere="open").raw()
+    place_m, still_mps = (
+        np.tile([4000.0, -3000.0, 90.0], (len(drive.time_s), 1)),
+        np.zeros((len(drive.time_s), 3)),
+    )
+    ride = Ride.on_plane(drive.time_s, place_m, still_mps, drive.town.projection)
+    still = simulate_canyon(ride, NO_FRONTS, TOWN, raw.navigation, np.random.default_rng(3)).raw()
+
+    def shared(signals: Signals) -> Signals:
+        wrong = 6.0 * np.sin(5.0 * signals.number + signals.system)
+        return replace(signals, pseudorange_m=signals.pseudorange_m + wrong)
+
+    rover, station, placeless = folder / "rover", folder / "station.rnx", folder / "placeless.rnx"
+    rover.mkdir()
+    (rover / "drive.rnx").write_text(observations(shared(raw.signals)))
+    (rover / "brdc.rnx").write_text(navigation(raw.navigation))
+    station.write_text(observations(shared(still.signals), ride.position_m[0]))
+    placeless.write_text(observations(shared(still.signals)))
+    lon, lat, height = (float(v[0]) for v in geodetic(ride.position_m[:1]))
+    return Base(rover, station, placeless, f"{lat},{lon},{height}")
+
+
+def test_a_base_corrects_the_drive(files: Files, base: Base, tmp_path: Path) -> None:
+    """By the place in its header or by the one given; its ephemerides are those of the drive."""
+    ways: dict[str, list[str | Path]] = {
+        "alone": [],
+        "header": ["--base", base.station],
+        "given": ["--base", base.placeless, "--base-place", base.place],
+    }
+    errors = {}
+    for name, more in ways.items():
+        out = tmp_path / f"{name}.csv"
+        found = run(
+            "track", base.rover, "--gnss", "wls", "-o", out, *more, "--json", tmp_path / f"{name}.json"
+        )
+        assert found.exit_code == 0, found.output
+        errors[name] = errors_m(files.drive, rows(out))
+    assert np.median(errors["header"]) < 0.5 * np.median(errors["alone"])
+    np.testing.assert_allclose(errors["given"], errors["header"], atol=0.01)
+    (log,) = json.loads((tmp_path / "header.json").read_text())["logs"]
+    assert log["gnss"]["counts"]["corrected by the base"] > 1000
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--base", "PLACELESS"], "--base-place LAT,LON,HEIGHT"),
+        (["--base", "PLACELESS", "--base-place", "48.0,8.0"], "is not LAT,LON,HEIGHT"),
+        (["--base", "PLACELESS", "--base-place", "48.0,8.0,100"], "from where its own pseudoranges put it"),
+        (["--base-place", "48.0,8.0,100"], "no --base is given"),
+        (["--base", "PLAIN"], "holds no pseudoranges"),
+        (["--base", "missing.rnx"], "missing.rnx"),
+    ],
+)
+def test_a_base_of_no_use_is_refused(
+    files: Files, base: Base, tmp_path: Path, more: list[str], said: str
+) -> None:
+    given = [{"PLACELESS": str(base.placeless), "PLAIN": str(files.plain)}.get(word, word) for word in more]
+    found = run("track", base.rover, "--gnss", "wls", "-o", tmp_path / "out.csv", *given)
+    assert found.exit_code != 0
+    assert said in " ".join(found.output.replace("│", " ").split())

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.frames import geodetic
-from fusion.gnss.earth import ecef, elevation_azimuth, local_axes
+from fusion.frames import geodetic, local_axes
+from fusion.gnss.earth import ecef, elevation_azimuth
 
 LON, LAT, HEIGHT = st.floats(-179.9, 179.9), st.floats(-89, 89), st.floats(-100, 9000)
 

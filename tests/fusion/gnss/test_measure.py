@@ -9,8 +9,9 @@ import numpy as np
 import pyrtklib
 import pytest
 
+from fusion.frames import local_axes
 from fusion.gnss.clock_jumps import STEP_M
-from fusion.gnss.earth import elevation_azimuth, local_axes
+from fusion.gnss.earth import elevation_azimuth
 from fusion.gnss.measure import measure
 from fusion.gnss.measurements import Measurements
 from fusion.signals import BEIDOU, GALILEO, GLONASS, GPS, LIGHT_MPS, QZSS, SBAS, Navigation, RawGnss, Signals

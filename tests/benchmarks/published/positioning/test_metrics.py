@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fusion.gnss.earth import ecef, local_axes
+from fusion.frames import local_axes
+from fusion.gnss.earth import ecef
 from fusion.gnss.measurements import Solution
 from published.positioning.metrics import (
     coverage,

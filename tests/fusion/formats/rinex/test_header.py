@@ -77,6 +77,8 @@ def test_what_stands_in_the_header_is_taken() -> None:
         (" 10 R01  1 R02 -4 R03  5 R04  6 R05  1 R06 -4 R07  5 R08  6", "GLONASS SLOT / FRQ #"),
         ("    R09 -2 R10 -7", "GLONASS SLOT / FRQ #"),
         ("  2023    11    07    23    43   15.0000000     BDT", "TIME OF FIRST OBS"),
+        ("  4146524.1277   613137.7231  4791517.3069", "APPROX POSITION XYZ"),
+        ("        0.0580        0.0000       -0.0100", "ANTENNA: DELTA H/E/N"),
         ("GPSA   1.0000D-08  2.0000E-08 -6.0000D-08 -1.2000D-07", "IONOSPHERIC CORR"),
         ("GPSB   9.0000D+04  5.0000D+04 -1.3000D+05 -3.3000D+05", "IONOSPHERIC CORR"),
         END,
@@ -87,6 +89,8 @@ def test_what_stands_in_the_header_is_taken() -> None:
     assert header.channel == {1: 1, 2: -4, 3: 5, 4: 6, 5: 1, 6: -4, 7: 5, 8: 6, 9: -2, 10: -7}
     assert header.scale == "BDT"
     assert header.klobuchar == (1e-8, 2e-8, -6e-8, -1.2e-7, 9e4, 5e4, -1.3e5, -3.3e5)
+    assert header.place_m == (4146524.1277, 613137.7231, 4791517.3069)
+    assert header.antenna_m == (0.058, 0.0, -0.01)
 
 
 @pytest.mark.parametrize("beta", ["", "  x", "GPSB   0.0000D+00"])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fusion.gnss.earth import local_axes
+from fusion.frames import local_axes
 from fusion.gnss.measurements import Aids, Measurements, Solution
 from fusion.gnss.solvers.one_sided import OneSided, OneSidedOptions
 from fusion.types import Floats, no_progress
