@@ -49,7 +49,7 @@ from accuracy.sequences import (
     slopes_of,
     tool_beside,
 )
-from app.cli.fuse_files import Fusion
+from app.cli.logs.fusing import Fusion
 
 SENSORS = ("altitude", "doppler", "pitch", "force", "dem")
 LABELS = ("altitude alone", "+ Doppler", "+ pitch", "+ specific force", "+ DEM")

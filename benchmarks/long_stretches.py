@@ -41,7 +41,7 @@ from accuracy.sequences import (
     tool_beside,
 )
 from accuracy.stretches import Stretch, find_stretches, grade_sigma_percent
-from app.cli.fuse_files import FusedLog, Fusion
+from app.cli.logs.fusing import FusedLog, Fusion
 from fusion.errors import FusionError
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD

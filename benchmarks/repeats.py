@@ -35,7 +35,7 @@ from typing import NamedTuple
 from accuracy.logs import drop_columns
 from accuracy.scoring import Row, show_progress, text_table, write_json
 from accuracy.sequences import folder_of, load_tool, parser_of, quietly, tool_beside
-from app.cli.fuse_files import Fusion
+from app.cli.logs.fusing import Fusion
 from fusion.errors import FusionError
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD

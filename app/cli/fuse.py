@@ -13,14 +13,14 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Bars, Console, spoken, write_json
-from app.cli.named_logs import LogFiles, base_of, sorted_drives
+from app.cli.logs.named import LogFiles, base_of, sorted_drives
 from app.core.messages import say
 from app.core.text import whole_file
 from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
-    from app.cli.fuse_files import FusedLog, Fusion
+    from app.cli.logs.fusing import FusedLog, Fusion
     from app.map.segment import Segment
     from fusion.results import Solution
 
@@ -73,7 +73,7 @@ def fuse(
 
     Gives the service's numbers for the same logs. A log that fails is reported, and the others go on.
     """
-    from app.cli.fuse_files import Fusion
+    from app.cli.logs.fusing import Fusion
     from app.core.text import collection_chunks
     from app.exports.format import statements
     from app.exports.formats import segment_format_for, write_segments
@@ -133,7 +133,7 @@ def _apart(logs: list[Path], dem: list[Path]) -> tuple[list[Path], list[Path]]:
 
 
 def _one(fusion: Fusion, source: LogFiles, console: Console, bars: Bars) -> dict[str, Any]:
-    from app.cli.fuse_files import outcome_of
+    from app.cli.logs.fusing import outcome_of
 
     try:
         earlier = fusion.earlier_copy(source)
@@ -154,7 +154,7 @@ def _without_result(source: LogFiles, status: str, reason: str) -> dict[str, Any
 
 def _tell(together: Solution, outcomes: list[dict[str, Any]], console: Console) -> None:
     """Say of each log what came of it and what a person should know, and put the same into its outcome."""
-    from app.cli.fuse_files import agreement
+    from app.cli.logs.fusing import agreement
     from app.drives.outputs.summary import summary
 
     done = [outcome for outcome in outcomes if outcome["status"] == "done"]

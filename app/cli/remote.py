@@ -12,7 +12,7 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Bars, Console, spoken, write_json
-from app.cli.named_logs import LogFiles, drives_of, unclear_words
+from app.cli.logs.named import LogFiles, drives_of, unclear_words
 from app.core.messages import say
 from fusion.errors import FusionError
 from fusion.messages import message_of, remarks_of

@@ -11,14 +11,14 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Console, part_of, spoken, tell, write_json
-from app.cli.named_logs import LogFiles, base_of, drives_of, sorted_drives
+from app.cli.logs.named import LogFiles, base_of, drives_of, sorted_drives
 from app.core.messages import say
 from app.core.text import whole_file
 from fusion.errors import FusionError, MissingSensorError
 from fusion.registry import DEFAULT_POSITIONING
 
 if TYPE_CHECKING:
-    from app.cli.positions import Positions
+    from app.cli.logs.positions import Positions
     from fusion.gnss.positioning import Positioned
     from fusion.published.positioning.study import Study
     from fusion.types import Progress
@@ -44,7 +44,7 @@ def track(
 
     A log that fails is reported, and the others go on.
     """
-    from app.cli.positions import TRACK_WRITERS, Positions
+    from app.cli.logs.positions import TRACK_WRITERS, Positions
 
     console: Console = ctx.obj
     _usable(out, "track", TRACK_WRITERS)

@@ -19,8 +19,8 @@ from app.access.folder import read_key
 from app.cli.client import Client, RemoteDrive, shown
 from app.cli.console import Bars, Console
 from app.cli.database import sessions_of
-from app.cli.fuse_files import Fusion
 from app.cli.keys.starting import see_to_key
+from app.cli.logs.fusing import Fusion
 from app.cli.supervisor import Service
 from app.core import migrate
 from app.core.messages import say

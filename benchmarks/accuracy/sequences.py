@@ -20,7 +20,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 from accuracy.truth import Key, Truth, passes_of, read_truth, with_sigmas
-from app.cli.fuse_files import Fusion
+from app.cli.logs.fusing import Fusion
 from app.map.segment import Segment
 from fusion.errors import MissingSensorError, NoMatchError
 from fusion.pipeline import parse_options

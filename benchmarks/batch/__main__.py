@@ -41,8 +41,8 @@ from adjustment import HEIDELBERG
 from app.batch.folder import BatchFolder
 from app.batch.hands import hands
 from app.batch.run import Request, run
-from app.cli.fuse_files import Fusion
-from app.cli.named_logs import LogFiles
+from app.cli.logs.fusing import Fusion
+from app.cli.logs.named import LogFiles
 from batch.logs import make_broken, make_log
 from batch.runs import bytes_of, cut_off, timed, with_kills, without_scheduler
 from fusion.pipeline import parse_options

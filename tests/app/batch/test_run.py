@@ -22,8 +22,8 @@ from app.batch.hands import Hands, hands
 from app.batch.run import Done, Request, run
 from app.batch.solving import StoredEvidence
 from app.cli import app
-from app.cli.fuse_files import Fusion
-from app.cli.named_logs import LogFiles
+from app.cli.logs.fusing import Fusion
+from app.cli.logs.named import LogFiles
 from fusion.network.segment_slopes import Adjustment
 from fusion.pipeline import parse_options
 from fusion.results import Solution

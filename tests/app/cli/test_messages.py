@@ -208,7 +208,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
 FUSE = """
 import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # children of what runs in the background ignore Ctrl-C
-from app.cli.fuse_files import Fusion
+from app.cli.logs.fusing import Fusion
 solve = Fusion.solve
 def waiting(fusion, *arguments, **options):
     print("begun", flush=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.fuse_files import Fusion
+from app.cli.logs.fusing import Fusion
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.drives.process import Outcome

@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
-from app.cli.fuse_files import Fusion
+from app.cli.logs.fusing import Fusion
 from app.core.db import Sessions
 from app.drives import intake, process, queue
 from app.drives.documents import Drive

@@ -290,7 +290,7 @@ def test_a_recorded_road_with_its_gnss_cut(
     karlsruhe: Path, receiver_log: Callable[..., Path], tmp_path: Path
 ) -> None:
     """The log has a speed signal and a yaw; its positions are gone from 60 s to 100 s."""
-    from app.cli.fuse_files import Fusion  # noqa: PLC0415 - the command's own way of putting logs together
+    from app.cli.logs.fusing import Fusion  # noqa: PLC0415 - the command's own way of putting logs together
     from fusion.formats import read_log  # noqa: PLC0415
     from fusion.roads.osm import read_roads  # noqa: PLC0415
 

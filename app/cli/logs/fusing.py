@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from app.cli.console import part_of
-from app.cli.named_logs import LogFiles
+from app.cli.logs.named import LogFiles
 from app.exports.writing.solved import segments_of
 from app.map.segment import Segment
 from fusion.messages import with_remarks

@@ -15,7 +15,6 @@ from app.cli.console import spoken
 from app.core.messages import say
 from fusion.errors import FusionError
 from fusion.messages import message_of
-from fusion.types import no_progress
 
 if TYPE_CHECKING:
     from app.cli.console import Console
@@ -84,6 +83,7 @@ def base_of(paths: Sequence[Path] | None, place: str | None) -> RawGnss | None:
     import numpy as np
 
     from fusion.gnss.earth import ecef
+    from fusion.types import no_progress
 
     try:
         base = LogFiles(tuple(paths)).read(no_progress).raw

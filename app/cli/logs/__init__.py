@@ -1,0 +1,1 @@
+"""The logs that commands name, and what becomes of them."""
