@@ -45,6 +45,7 @@ _TABLE = {
         GET /map
         GET /openapi.json
         GET /owner
+        GET /phones
         GET /problems
         GET /problems/{slug}
         GET /readyz

@@ -17,6 +17,7 @@ _KEY_ID = "5b6a3f0e-2f0c-4b8e-9a51-0c1d2e3f4a5b"
 _STREAM: dict[str, Any] = {
     "key": _KEY_ID,
     "label": "my phone",
+    "revoked": False,
     "sender": "owntracks",
     "device": "pixel",
     "seen_at": "2026-11-27T08:15:06Z",
@@ -54,6 +55,7 @@ class Stream(BaseModel, json_schema_extra={"examples": [_STREAM]}):
 
     key: uuid.UUID | None = Field(description="The key that it sends with; null: the service asks for none.")
     label: str | None = Field(description="What the key is for.")
+    revoked: bool = Field(description="Whether the key is void: it sends no more.")
     sender: str = Field(description="The program, by its name in addresses.")
     device: str = Field(description="As it calls itself; empty: it does not say.")
     seen_at: datetime = Field(description="When it sent something last.")
@@ -76,6 +78,7 @@ class Stream(BaseModel, json_schema_extra={"examples": [_STREAM]}):
         return cls(
             key=seen.key_id,
             label=seen.label,
+            revoked=seen.revoked,
             sender=seen.sender,
             device=seen.device,
             seen_at=seen.seen_at,

@@ -60,6 +60,8 @@ class Batch:
         self.points: dict[str, list[LivePoint]] = {}
         self.unusable = 0
         self.why: str | None = None
+        self.device = ""
+        """That of the last point, also where that cannot be used."""
         self._latest_us = (time.time_ns() // 1000 if now_us is None else now_us) + AHEAD_US
         self._seen = 0
 
@@ -76,6 +78,7 @@ class Batch:
         self._seen += 1
         if self._seen > MOST_POINTS:
             raise BadRequestError(say("live.many_points", most=MOST_POINTS), field="body")
+        self.device = device_name(device)
         time_us, lat_deg, lon_deg = moment_us(moment), number(lat), number(lon)
         if time_us is None or not EARLIEST_US <= time_us <= self._latest_us:
             self.refuse("time", moment)
@@ -88,7 +91,7 @@ class Batch:
         else:
             values = {name: _within(name, value) for name, value in measured.items()}
             point = LivePoint(time_us, lat_deg, lon_deg, **values)
-            self.points.setdefault(device_name(device), []).append(point)
+            self.points.setdefault(self.device, []).append(point)
 
     def refuse(self, what: str, value: object) -> None:
         """Count a point that cannot be used, whose ``what`` is at fault."""

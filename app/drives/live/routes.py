@@ -207,7 +207,7 @@ def _receive(service: Service, looks: QuotaLooks, sender: Sender, message: Messa
     if batch.is_empty and not batch.unusable:
         return
     looks.look(service)
-    devices = batch.points or {"": []}
+    devices = batch.points or {batch.device: []}
     with service.sessions.begin() as session:
         unusable, why = batch.unusable, batch.why
         for device in sorted(devices):

@@ -63,8 +63,8 @@ _IS_THERE = text("""
 """)
 
 _LISTED = f"""
-    SELECT s.id, s.key_id, k.label, s.sender, s.device, s.seen_at, s.unusable, s.unusable_why,
-           s.due_at IS NOT NULL AS open,
+    SELECT s.id, s.key_id, k.label, k.revoked_at IS NOT NULL AS revoked, s.sender, s.device, s.seen_at, s.unusable,
+           s.unusable_why, s.due_at IS NOT NULL AS open,
            CAST(extract(epoch FROM clock_timestamp() - s.seen_at) AS float8) AS ago_s,
            p.time_us, p.lat_deg, p.lon_deg,
            (SELECT d.drive_id FROM live_drives AS d JOIN drives AS r ON r.id = d.drive_id AND {IS_SHOWN.format("r")}
@@ -122,6 +122,7 @@ class Seen(NamedTuple):
     id: int
     key_id: uuid.UUID | None
     label: str | None
+    revoked: bool
     sender: str
     device: str
     seen_at: datetime

@@ -10,7 +10,7 @@ import pytest
 from browser_fixtures import Tab
 from web_fixtures import Web
 
-PAGES = ("map", "upload", "drives", "admin", "docs")
+PAGES = ("map", "upload", "drives", "admin", "docs", "phones")
 THEMES = ("light", "dark")
 
 

@@ -48,10 +48,13 @@ def test_a_programs_messages_hold_what_its_device_measured(sender: str) -> None:
 
 
 @pytest.mark.parametrize("sender", SENDERS)
-def test_every_program_has_a_sample_and_a_guide(sender: str) -> None:
+def test_every_program_has_a_sample_a_guide_and_words_in_both_languages(sender: str) -> None:
     guide = (REPOSITORY / "docs/how-to/record.md").read_text()
     assert f"| **{SENDERS[sender].title}** |" in guide
     assert f"`{sender}`" in guide
+    for language in ("en", "de"):
+        texts = json.loads((REPOSITORY / f"app/web/src/texts/{language}.json").read_text())
+        assert texts["phones"]["steps"][sender.replace("-", "_")], language
     assert sender in SAMPLES
     assert re.fullmatch(r"[a-z-]+", sender)
 
