@@ -1,4 +1,0 @@
-import{v as e}from"./api-BCIX0qaM.js";function t(e){return e.failure?.kind===`unknown-format`||e.failure?.kind===`empty-log`}var n=new Set(`csv.speed_unit_unknown csv.unknown_near drive.contradicts drive.feet drive.few_on_roads drive.model_there
-  drive.mount_moved drive.mount_unsure drive.no_grade drive.no_slope drive.same_altitudes drive.unsolved
-  drive.vertical_velocities gnss.other_day log.many_drives phone.lies_unknown phone.moved receiver.cut
-  zip.unusual`.split(/\s+/));function r(e){if(Array.isArray(e))return e.some(r);if(typeof e!=`object`||!e)return!1;let{key:t,parameters:i}=e;return n.has(t)||t.startsWith(`advice.`)||Object.values(i).some(r)}function i(t){let n=t?.warnings,i=t?.warnings_said??[];return Array.isArray(n)?n.map((t,n)=>({text:e(String(t),i[n]),asks:r(i[n])})):[]}function a(t){return e(t.reason,t.said)}function o(t){return e(t.where??``,t.where_said)}export{o as i,a as n,i as r,t};
