@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 
 import httpx
 import pytest
@@ -72,6 +73,27 @@ def test_nobody_sends_without_a_key_that_is_good(live: Live) -> None:
     assert ask(client, f"/v1/live/osmand/{secret}").status_code == 401
     assert client.get(f"/v1/live/last/{secret}").status_code == 401
     assert live.waiting() == 1  # what came before stays its owner's
+
+
+def test_a_phone_that_comes_once_a_minute_is_not_asked_for_each_time(
+    live: Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    secret, callers, looked = live.secret(), live.web.app.state.callers, list[str]()
+    wait_until(lambda: bool(callers._hears))
+    genuine = callers._ask
+
+    def noted(kind: str, shown: str) -> object:
+        looked.append(shown)
+        return genuine(kind, shown)
+
+    monkeypatch.setattr(callers, "_ask", noted)
+    path, now_s = f"/v1/live/osmand/{secret}", time.monotonic()
+    for later_s in (0.0, 61.0, 800.0):
+        monkeypatch.setattr("app.access.callers.time.monotonic", lambda at=now_s + later_s: at)
+        assert ask(live.web.client, path).status_code == 200
+    assert looked == [secret]
+    live.keyed.a.own.delete(f"/v1/keys/{live.keyed.ids['phone']}")
+    assert ask(live.web.client, path).status_code == 401  # void at once all the same
 
 
 def test_a_page_of_another_site_sends_no_points(live: Live) -> None:
@@ -158,16 +180,16 @@ def test_an_address_is_made_with_what_is_typed(live: Live) -> None:
 
 def test_no_key_of_an_address_gets_into_a_log(live: Live, caplog: pytest.LogCaptureFixture) -> None:
     secret = live.secret()
-    with caplog.at_level("INFO"):
-        for method, path in (("GET", "osmand"), ("PUT", "osmand"), ("GET", "nothing"), ("GET", "last")):
-            live.web.client.request(method, f"/v1/live/{path}/{secret}", params=GOOD.params)
-            live.web.client.request(method, f"/v1/live/{path}/{secret}/")
 
     def told() -> list[str]:
         records = [one for one in caplog.records if not one.name.startswith("http")]  # which the client tells
         return [record.getMessage() + str(record.__dict__) for record in records]
 
-    wait_until(lambda: len(told()) >= 8)
+    with caplog.at_level("INFO"):
+        for method, path in (("GET", "osmand"), ("PUT", "osmand"), ("GET", "nothing"), ("GET", "last")):
+            live.web.client.request(method, f"/v1/live/{path}/{secret}", params=GOOD.params)
+            live.web.client.request(method, f"/v1/live/{path}/{secret}/")
+        wait_until(lambda: len(told()) >= 8)
     said = told()
     assert not [one for one in said if secret in one or secret[4:] in one]
 
