@@ -76,6 +76,7 @@ from app.releases.store import edition_note
 from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
+    live.router,  # in front: phones ask it once a minute each, and routes are tried in their order
     sessions.router,
     access.router,
     zones.router,
@@ -89,7 +90,6 @@ ROUTERS: tuple[APIRouter, ...] = (
     drive_parts.router,
     columns.router,
     trials.router,
-    live.router,
     segments.router,
     segments.behind,
     changes.router,

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """What ten thousand phones that send by themselves cost, and whether a point is lost when the service is killed.
 
-    PYTHONPATH=.:benchmarks python -m service.live_load [--devices 10000] [--minutes 10] [--points 12] [--apis 2]
-                                                        [--kills 2] [--closed 200] [--json FILE]
+    PYTHONPATH=.:benchmarks python -m service.live_load [--devices 10000] [--minutes 10] [--points 12] [--every 60]
+                                                        [--apis 2] [--kills 2] [--closed 200] [--json FILE]
 
 Each device has an address of its own (a key of scope ``live``) and sends a batch of ``--points`` places once a minute
-in the form of Overland, on a connection of its own, at a moment of the minute of its own; whatever others wait for. So
-many processes of the API and one of workers run on an embedded cluster with the settings of ``versant up``, and ask for
+(``--every``) in the form of Overland, on a connection and at a moment of its own, whatever others wait for. So many
+processes of the API and one of workers run on an embedded cluster with the settings of ``versant up``, and ask for
 keys. At as many moments as ``--kills``, spread over the run, all of them are killed at once (SIGKILL), and started
 again. A device whose batch was not answered well sends it again, a second later, as phones do; and one in ten sends one
 twice. The clients, PostgreSQL and whatever else the machine does share its cores with the service.
@@ -27,14 +27,12 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-import uuid
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -45,17 +43,17 @@ import numpy as np
 import psycopg
 
 from accuracy.scoring import show_progress, text_table, write_json
-from app.access.store import hashed, new_key
 from app.core.blobs import BlobStore
 from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.drives.live.closing import Closer
 from app.embedded.cluster import EmbeddedPostgres
+from service.live_phones import PATIENCE_S, batch, make_keys, post
 from service.processes import Service
 
 HERE = Path(__file__).resolve().parents[2]
-EVERY_S, AGAIN_S, PATIENCE_S = 60.0, 1.0, 30.0
+AGAIN_S = 1.0
 AFTER_KILL_S = 10.0
 """For so long after a kill requests wait for the service to start, and count as disturbed."""
 SENT_AGAIN = 0.1
@@ -101,12 +99,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--devices", type=int, default=10_000)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--points", type=int, default=12)
+    parser.add_argument("--every", type=float, default=60.0, metavar="S")
     parser.add_argument("--apis", type=int, default=2)
     parser.add_argument("--kills", type=int, default=2)
     parser.add_argument("--closed", type=int, default=200)
     parser.add_argument("--json", type=Path)
     args = parser.parse_args(argv)
-    rows, outcome = measured(args)
+    rows, outcome = on_a_cluster(args)
     show_progress("")
     print(text_table(rows, COLUMNS))
     print(f"{outcome.failed} requests failed and were sent again.")
@@ -120,46 +119,39 @@ def main(argv: Sequence[str] | None = None) -> None:
         sys.exit("points were lost, or made up")
 
 
-def measured(args: argparse.Namespace) -> tuple[list[dict[str, Any]], Outcome]:
-    """The rows to print, and what came of the points."""
+def on_a_cluster(args: argparse.Namespace) -> tuple[list[dict[str, Any]], Outcome]:
+    """``measured`` on a database of its own."""
     with (
         tempfile.TemporaryDirectory(prefix="versant-live-") as name,
         EmbeddedPostgres(Path(name) / "cluster") as cluster,
     ):
-        folder = Path(name)
-        service = Service(HERE, libpq_url(cluster.url), folder / "data")
-        service.environment = {**service.environment, "VERSANT_ACCESS": "keys"}
+        service = Service(HERE, libpq_url(cluster.url), Path(name) / "data")
         service.command("migrate")
-        secrets = make_keys(service.url, args.devices)
-        servers = Servers(service, args.apis)
-        servers.start()
-        try:
-            told = asyncio.run(load(args, secrets, servers))
-        finally:
-            servers.stop()
-        sent = args.devices * batches_of(args) * args.points
-        lost, twice = compared(service.url, args, sent)
-        close_ms, in_no_log = closed(service.url, folder, args.closed) if args.closed else (None, None)
+        return measured(args, service, Path(name) / "data")
+
+
+def measured(
+    args: argparse.Namespace, service: Service, folder: Path
+) -> tuple[list[dict[str, Any]], Outcome]:
+    """The rows to print, and what came of the points; ``folder``: the service's data."""
+    service.environment = {**service.environment, "VERSANT_ACCESS": "keys"}
+    secrets = make_keys(service.url, args.devices)
+    servers = Servers(service, args.apis)
+    servers.start()
+    try:
+        told = asyncio.run(load(args, secrets, servers))
+    finally:
+        servers.stop()
+    sent = args.devices * batches_of(args) * args.points
+    lost, twice = compared(service.url, sent)
+    close_ms, in_no_log = closed(service.url, folder, args.closed) if args.closed else (None, None)
     outcome = Outcome(args.devices, sent, lost, twice, told.failed, close_ms, in_no_log)
     return rows_of(told), outcome
 
 
 def batches_of(args: argparse.Namespace) -> int:
     """How many each device sends."""
-    return max(1, round(float(args.minutes) * 60 / EVERY_S))
-
-
-def make_keys(url: str, devices: int) -> list[str]:
-    """An owner with an address for each device; the secrets."""
-    secrets = [new_key() for _ in range(devices)]
-    with psycopg.connect(url) as connection:
-        owner = "INSERT INTO owners (name) VALUES ('fleet') RETURNING id"
-        (owner_id,) = connection.execute(owner).fetchone() or (0,)
-        columns = "COPY keys (id, owner_id, label, scope, secret_sha256) FROM STDIN"
-        with connection.cursor() as cursor, cursor.copy(columns) as rows:
-            for number, secret in enumerate(secrets):
-                rows.write_row((uuid.uuid4(), owner_id, f"phone {number}", "live", hashed(secret)))
-    return secrets
+    return max(1, int(60 * args.minutes / args.every + 0.5))
 
 
 class Servers:
@@ -193,42 +185,6 @@ class Servers:
         self.start()
 
 
-def place(device: int, at: int) -> tuple[float, float]:
-    """Where a device is at its so many-th point: each on a road of its own, some metres a second."""
-    return 47.0 + device % 100 * 0.02 + at * 0.0006, 6.0 + device // 100 * 0.02
-
-
-def batch(device: int, number: int, points: int, began_s: int) -> bytes:
-    """The body of a batch."""
-    features = []
-    for at in range(number * points, (number + 1) * points):
-        lat, lon = place(device, at)
-        moment = began_s + at * EVERY_S / points
-        properties = {"timestamp": moment, "altitude": 300.0, "speed": 13.0, "horizontal_accuracy": 4.0}
-        geometry = {"type": "Point", "coordinates": [lon, lat]}
-        features.append({"type": "Feature", "geometry": geometry, "properties": properties})
-    return json.dumps({"locations": features}).encode()
-
-
-async def post(port: int, secret: str, body: bytes) -> bool:
-    """Send a batch on a connection of its own; whether it was answered well."""
-    head = (
-        f"POST /v1/live/overland/{secret} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Type: application/json\r\n"
-        f"Content-Length: {len(body)}\r\nConnection: close\r\n\r\n"
-    )
-    try:
-        async with asyncio.timeout(PATIENCE_S):
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            try:
-                writer.write(head.encode() + body)
-                answer = await reader.read()
-            finally:
-                writer.close()
-    except (OSError, TimeoutError):
-        return False
-    return answer.startswith(b"HTTP/1.1 200") and answer.endswith(b'{"result": "ok"}')
-
-
 async def load(args: argparse.Namespace, secrets: Sequence[str], servers: Servers) -> Told:
     """Let all devices send all of their batches, and kill the service meanwhile."""
     told, began_s = Told(), int(time.time()) - 3600
@@ -260,7 +216,7 @@ async def load(args: argparse.Namespace, secrets: Sequence[str], servers: Server
     killing = asyncio.create_task(kill())
     sending: set[asyncio.Task[None]] = set()
     moments = sorted(
-        (EVERY_S * (number + device / args.devices), device, number)
+        (args.every * (number + device / args.devices), device, number)
         for number in range(batches_of(args))
         for device in range(args.devices)
     )
@@ -279,7 +235,7 @@ async def load(args: argparse.Namespace, secrets: Sequence[str], servers: Server
     return told
 
 
-def compared(url: str, args: argparse.Namespace, sent: int) -> tuple[int, int]:
+def compared(url: str, sent: int) -> tuple[int, int]:
     """Points that are lost, and those that were never sent: each device's places are told by its road and time."""
     query = """
         SELECT count(*),
@@ -301,7 +257,7 @@ def closed(url: str, folder: Path, streams: int) -> tuple[float, int]:
         UPDATE live_streams SET due_at = now(), seen_at = now() - interval '1 hour' WHERE id IN (SELECT id FROM chosen)
     """
     left = "SELECT count(*) FROM live_points WHERE stream_id IN (SELECT id FROM chosen)"
-    settings = Settings(database_url=url, data_dir=folder / "data")
+    settings = Settings(database_url=url, data_dir=folder)
     engine = make_engine(url)
     with psycopg.connect(url, autocommit=True) as connection:
         connection.execute(choose, (streams,))
