@@ -29,7 +29,7 @@ MOST_WAITING = 400
 """In each class, of one client half as many: a map asks for some sixty tiles at once."""
 FOR_OTHERS = 2
 """Places of each class that only clients get who have none in it."""
-MORE_CONNECTIONS = 29
+MORE_CONNECTIONS = 31
 """To the database, beside those that a process keeps open: as many as the classes may need, one for all archives of
 owners (``app.drives.person.archive``), and three."""
 WIDE_ZOOM = 12

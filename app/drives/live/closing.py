@@ -30,7 +30,7 @@ from app.drives import intake, queue
 from app.drives import store as drives
 from app.drives.documents import Drive
 from app.drives.live import store
-from app.drives.live.cutting import MOST_POINTS, Piece, cut
+from app.drives.live.cutting import LONGEST_US, MOST_POINTS, Piece, cut
 from app.drives.live.points import US, LivePoint
 from app.drives.live.store import Closed, Stream
 from app.drives.live.writing import filename_of, log_of, merged, points_in
@@ -129,7 +129,8 @@ class Closer:
         made = self._as_if_in_turn(points, kept)
         for one in sorted(made, key=lambda one: bool(one.olds)):
             self._record(stream, one)
-        return sum(len(one.open_us) for one in made) == len(points)
+        recorded = {time_us for one in made for time_us in one.open_us}
+        return self._forget_old(stream, [point for point in points if point.time_us not in recorded])
 
     def _let_go(self, stream: Stream, points: list[LivePoint], logless: list[Closed]) -> list[LivePoint]:
         """Without those of a time of which there is a drive whose owner keeps its log no longer."""
@@ -139,10 +140,13 @@ class Closer:
         return [point for point in points if point.time_us not in set(gone)]
 
     def _forget_old(self, stream: Stream, points: list[LivePoint]) -> bool:
-        """Whether all of these, which went nowhere, have waited for long enough."""
+        """Whether none of these, which went nowhere, is left: they have waited for long enough, or are as much as a
+        drive may be, so that nothing can be made of them."""
         times_us = [point.time_us for point in points]
+        is_full = len(points) >= MOST_POINTS or (bool(points) and times_us[-1] - times_us[0] >= LONGEST_US)
         with self._owners.begin() as session:
-            return store.remove_points(session, stream.id, times_us, waited_days=WAITS_DAYS) == len(points)
+            waited_days = 0 if is_full else WAITS_DAYS
+            return store.remove_points(session, stream.id, times_us, waited_days=waited_days) == len(points)
 
     def _as_if_in_turn(self, points: list[LivePoint], near: list[Closed]) -> list[_Made]:
         """The drives that these points and those of ``near`` are, but for what went nowhere."""

@@ -9,6 +9,7 @@ from sqlalchemy import text
 
 from app.drives import intake
 from app.drives.live.closing import Closer
+from app.drives.live.points import US, LivePoint
 from live_senders import BEGAN_S, SAMPLES, osmand, owntracks, way
 from live_support import Live, close, expected, logs
 from many_drives import rows
@@ -141,6 +142,46 @@ def test_a_phone_at_home_makes_no_drives(live: Live) -> None:
         session.execute(text("UPDATE live_points SET came_at = came_at - interval '49 hours'"))
     close(live.web)
     assert (live.drives(), live.waiting()) == ([], 0)
+
+
+def parked(n: int, after: LivePoint, every_s: float = 60.0) -> list[LivePoint]:
+    """A tracker that goes on sending from where it stands."""
+    return [after._replace(time_us=after.time_us + round(k * every_s * US)) for k in range(1, n + 1)]
+
+
+def test_a_tracker_that_is_never_silent_has_drives_all_the_same(live: Live) -> None:
+    """A drive that stands still for as long as the silence is over, once; what follows waits for the next."""
+    points = way(40)
+    standing = parked(60, points[-1])
+    live.send("osmand", osmand(points + standing[:20], "x"))
+
+    def look() -> None:
+        with live.web.sessions.begin() as session:
+            session.execute(text("UPDATE live_streams SET due_at = now()"))
+        Closer(live.web.sessions, live.web.blobs, live.web.settings).look()
+
+    look()
+    (drive,) = live.drives()
+    kept = live.waiting()
+    assert 0 < kept < 20
+    live.send("osmand", osmand(standing[20:], "x"))
+    look()
+    assert live.waiting() == kept + 40
+    close(live.web)
+    assert [one["id"] for one in live.drives()] == [drive["id"]]
+    assert rows(live.web.sessions, "SELECT generation FROM drives") == [(1,)]
+    with live.web.sessions.begin() as session:
+        session.execute(text("UPDATE live_points SET came_at = came_at - interval '49 hours'"))
+        session.execute(text("UPDATE live_streams SET due_at = now()"))
+    close(live.web)
+    assert live.waiting() == 0
+
+
+def test_what_stands_for_a_day_does_not_wait(live: Live) -> None:
+    (at,) = way(1)
+    live.send("osmand", osmand([at, *parked(25 * 6, at, every_s=600.0)], "x"))
+    close(live.web)
+    assert live.waiting() == 6
 
 
 def test_a_point_that_waits_is_put_into_its_drive(live: Live) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import time
+import zipfile
 
 import httpx
 import pytest
@@ -13,7 +15,7 @@ from sqlalchemy import text
 from app.core.settings import Settings
 from app.drives.live.senders import SENDERS
 from live_senders import SAMPLES, Sent, osmand, overland, owntracks, way
-from live_support import Live, close
+from live_support import Live, close, expected
 from problem_support import check
 from server_support import wait_until
 from web_fixtures import served
@@ -203,6 +205,17 @@ def test_a_used_up_quota_keeps_points_with_their_sender(live: Live) -> None:
     check(answer, 429, "quota")
     assert "Retry-After" in answer.headers
     assert live.waiting() == 1
+
+
+def test_points_under_way_are_in_their_owners_archive_and_in_no_others(live: Live) -> None:
+    live.send("osmand", osmand(way(3), "my/phone"))
+    archive = zipfile.ZipFile(io.BytesIO(live.keyed.a.own.get("/v1/owner/archive").content))
+    (name,) = [one for one in archive.namelist() if one.startswith("under-way/")]
+    assert name.endswith("-osmand-my-phone-2025-11-27T08-15Z.csv")
+    assert archive.read(name) == expected(way(3))
+    assert json.loads(archive.read("devices.json"))["streams"][0]["device"] == "my/phone"
+    others = zipfile.ZipFile(io.BytesIO(live.keyed.b.own.get("/v1/owner/archive").content))
+    assert json.loads(others.read("devices.json")) == {"streams": []}
 
 
 def test_an_owner_that_is_removed_leaves_no_point(live: Live) -> None:
