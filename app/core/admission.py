@@ -147,7 +147,7 @@ def make_request_classes(connections: int) -> dict[str, RequestClass]:
         SEARCHES: 2,
         PARTS: 2,
         CHANGES: 2,
-        POINTS: 2,
+        POINTS: 4,
         "figures": 1,
     }
     return {name: RequestClass(size, for_others=FOR_OTHERS) for name, size in places.items()}
