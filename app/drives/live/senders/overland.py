@@ -7,7 +7,7 @@ known. Beside places a batch may hold visits and trips, which are none. The app 
 
 from __future__ import annotations
 
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
 from app.core.errors import BadRequestError
 from app.core.messages import say
@@ -40,7 +40,7 @@ def read(message: Message, batch: Batch) -> None:
 
 
 def _link(address: str, device: str) -> str:
-    return f"overland://setup?{urlencode({'url': address, 'device_id': device})}"
+    return f"overland://setup?{urlencode({'url': address, 'device_id': device}, quote_via=quote)}"
 
 
 SENDER = Sender(

@@ -12,6 +12,7 @@ import base64
 import json
 from collections.abc import Mapping
 from typing import Any
+from urllib.parse import quote
 
 from app.drives.live.points import KMH_MPS, Batch, scaled
 from app.drives.live.senders.base import Message, Sender, objects
@@ -46,7 +47,8 @@ def _device(message: Message, one: Mapping[str, Any]) -> object:
 def _link(address: str, device: str) -> str:
     """A configuration that the app takes over; ``mode`` 3 is HTTP."""
     settings = {"_type": "configuration", "mode": 3, "url": address, "deviceId": device, "monitoring": 2}
-    return f"owntracks:///config?inline={base64.urlsafe_b64encode(json.dumps(settings).encode()).decode()}"
+    inline = base64.b64encode(json.dumps(settings).encode()).decode()
+    return f"owntracks:///config?inline={quote(inline, safe='')}"
 
 
 SENDER = Sender("owntracks", "OwnTracks", read, "[]", "application/json", link=_link, insists=True)

@@ -163,7 +163,8 @@ def test_links_set_programs_up() -> None:
     assert own is not None
     assert over is not None
     inline = parse_qs(urlsplit(own(address, "my phone")).query)["inline"][0]
-    settings = json.loads(base64.urlsafe_b64decode(inline))
+    settings = json.loads(base64.b64decode(inline, validate=True))
     assert (settings["url"], settings["mode"], settings["_type"]) == (address, 3, "configuration")
+    assert "my%20phone" in over(address, "my phone")
     setup = parse_qs(urlsplit(over(address, "my phone")).query)
     assert setup == {"url": [address], "device_id": ["my phone"]}
