@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from typing import Any
 
 import pytest
@@ -13,6 +14,8 @@ from app.drives.live.points import US, LivePoint
 from live_senders import BEGAN_S, SAMPLES, osmand, owntracks, way
 from live_support import Live, close, expected, logs
 from many_drives import rows
+from processing_support import process_drive, publish_all
+from web_fixtures import SOUTH, WEST
 
 HOUR_S = 3600
 
@@ -33,6 +36,29 @@ def test_a_closed_drive_is_what_an_upload_of_its_points_is(live: Live, sender: s
     assert (answer.status_code, answer.json()["id"]) == (200, drive["id"])
     (stream,) = live.keyed.a.own.get("/v1/live").json()["streams"]
     assert (stream["drive"], stream["under_way"], stream["last"]) == (drive["id"], False, None)
+
+
+@pytest.mark.usefixtures("grid_database")
+def test_its_slopes_are_those_of_an_upload(live: Live) -> None:
+    """Anna's tracker sends points along a street of the grid; Ben uploads the same as a file."""
+    points = [p._replace(lat_deg=p.lat_deg - 48.1 + SOUTH, lon_deg=WEST) for p in way(80)]
+    live.send("osmand", osmand(points[40:], "x"))
+    live.send("osmand", osmand(points[:50], "x"))
+    close(live.web)
+    sent = live.keyed.b.own.post("/v1/drives", content=expected(points), params={"filename": "x.csv"})
+    assert sent.status_code == 202
+    whose = ((live.keyed.a.own, live.drives()[0]["id"]), (live.keyed.b.own, sent.json()["id"]))
+    slopes = []
+    for holder, drive_id in whose:
+        assert process_drive(live.web.context, uuid.UUID(drive_id), 1).value == "done"
+        publish_all(live.web.sessions, live.web.blobs)
+        features = holder.get(f"/v1/drives/{drive_id}/segments").json()["features"]
+        slopes.append(
+            [(f["properties"]["id"], f["properties"]["slope_percent"], f["geometry"]) for f in features]
+        )
+    assert slopes[0] == slopes[1]
+    assert len(slopes[0]) >= 4
+    assert all(abs(slope - 3.0) < 0.1 for _, slope, _ in slopes[0])
 
 
 def test_its_log_is_the_points_and_nothing_else(live: Live) -> None:
