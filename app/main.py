@@ -47,6 +47,7 @@ from app.drives import routes as drives
 from app.drives.batches import removing
 from app.drives.batches import routes as batches
 from app.drives.documents import Drive
+from app.drives.live import routes as live
 from app.drives.outputs.drawing import Drawing
 from app.drives.parts import columns
 from app.drives.parts import routes as drive_parts
@@ -76,6 +77,7 @@ from app.releases.store import edition_note
 from app.web import docs, pages
 
 ROUTERS: tuple[APIRouter, ...] = (
+    live.router,  # in front: phones ask it once a minute each, and routes are tried in their order
     sessions.router,
     access.router,
     zones.router,
@@ -127,6 +129,7 @@ documents (RFC 9457): what takes too long, or is asked for by too many at once, 
 TAGS = {
     "access": "Who may ask for what: logging in, keys, owners.",
     "drives": "Upload logs and look at what became of them.",
+    "live": "Points of drives under way, as phones and trackers send them by themselves.",
     "segments": "One road segment, and the drives behind its slope.",
     "map": "All road segments, as OGC API Features.",
     "changes": "Following the map: what changed since a version, and being told of it.",
@@ -219,6 +222,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         standby=standby,
     )
     app.state.callers = Callers(session_factory(engine))
+    app.state.quota_looks = live.QuotaLooks()
     app.state.logins = Logins(Provider(settings) if settings.oidc_issuer else None)
     app.state.archives = RequestClass(archive.AT_ONCE, for_others=archive.AT_ONCE)
     app.state.drawing = Drawing(settings.pictures_waiting)

@@ -52,6 +52,7 @@ SQL_PLACES = {
         "drives/batches/touched.py",
         "drives/claims.py",
         "drives/listing.py",
+        "drives/live/store.py",
         "drives/parts/reading.py",
         "drives/person/store.py",
         "drives/store.py",

@@ -1,7 +1,8 @@
 """Who is behind a key or a session: asked of the database once, and kept until the database announces a change.
 
-A process that hears announcements keeps callers for a minute; one whose listening connection is lost asks each time. So
-what is revoked is void at once, in every process, and a warm tile costs no query.
+A process that hears announcements keeps callers for a minute, and phones, which come once a minute, for longer; one
+whose listening connection is lost asks each time. So what is revoked is void at once, in every process, and a warm tile
+costs no query.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from app.core.caller import SERVICE, as_caller
 from app.core.db import Sessions
 
 CHANNEL = "versant_access"
-KEEP_S = 60.0
-MOST_KEPT = 10_000
+KEEP_S, KEEP_LIVE_S = 60.0, 900.0
+"""The second: keys of scope ``live``. To ask for one each time doubles what a batch of points costs."""
+MOST_KEPT = 20_000
 THREADS = 2
 """That ask at once: a flood of wrong keys must not take all connections."""
 
@@ -55,7 +57,8 @@ class Callers:
         if known is not None and self._hears and self._changes == before:
             if len(self._kept) >= MOST_KEPT:
                 self._kept.clear()
-            self._kept[key] = (known, time.monotonic() + KEEP_S)
+            keep_s = KEEP_LIVE_S if known.caller.scope == "live" else KEEP_S
+            self._kept[key] = (known, time.monotonic() + keep_s)
         return known
 
     def _ask(self, kind: Kind, secret: str) -> Known | None:

@@ -19,6 +19,7 @@ _SCHEMES = {
 }
 _SENTENCES = {
     Rule.MAP: "Without a key where the public map is live (VERSANT_PUBLIC_MAP), else with one of scope `own`.",
+    Rule.LIVE: "Needs a key, of whatever scope.",
     Rule.UPLOAD: "Needs a key of scope `upload`, `own` or `operate`.",
     Rule.OWN: "Needs a key of scope `own` or `operate`.",
     Rule.OPERATE: "Needs a key of scope `operate`.",

@@ -17,7 +17,7 @@ Name = Annotated[
     str,
     StringConstraints(strip_whitespace=True, min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f]+$"),
 ]
-KeyScope = Literal["upload", "own", "operate"]
+KeyScope = Literal["live", "upload", "own", "operate"]
 
 _OWNER_EXAMPLE: dict[str, Any] = {"id": 2, "name": "bus fleet"}
 _OWNER_DOCUMENT = {
@@ -186,8 +186,9 @@ class Key(BaseModel, json_schema_extra={"examples": [_KEY_EXAMPLE]}):
     id: uuid.UUID = Field(description="Stays the same when the key is rotated.")
     label: str = Field(description="What it is for.")
     scope: KeyScope = Field(
-        description="`upload` sends drives and sees what became of them, `own` does everything with what is its "
-        "owner's, `operate` everything."
+        description="`live` sends points of a drive under way, and may stand in an address (`/v1/live`); `upload` "
+        "sends drives and sees what became of them, `own` does everything with what is its owner's, `operate` "
+        "everything."
     )
     owner: OwnerName = Field(description="Whose it is.")
     created_at: datetime = Field(description="When it was made.")

@@ -25,7 +25,7 @@ from app.core.caller import NOBODY, SERVICE, STILL_KNOWN, Caller, as_caller
 from app.core.caller import Scope as CallerScope
 from app.core.errors import CrossOriginWriteError, ForbiddenError, ServiceError, UnauthorizedError
 from app.core.messages import say
-from app.core.middleware import CHANGING, EarlyAnswers
+from app.core.middleware import CHANGING, LIVE_PATH, EarlyAnswers
 from app.core.problems import database_error, refuse
 from app.core.receiving.clients import PROXIED
 from app.core.settings import Settings
@@ -37,7 +37,12 @@ SESSION_PATH = "/v1/session"
 KNOWN, _ERROR = "versant.known", "versant.error"
 """What the scope of a request has of its caller (``Known``), and why it is refused."""
 _CHALLENGE, _CHALLENGE_PROGRAMS = 'Bearer realm="Versant"', 'Bearer realm="Versant", Basic realm="Versant"'
-_NEEDS: dict[Rule, CallerScope] = {Rule.UPLOAD: "upload", Rule.OWN: "own", Rule.OPERATE: "operate"}
+_NEEDS: dict[Rule, CallerScope] = {
+    Rule.LIVE: "live",
+    Rule.UPLOAD: "upload",
+    Rule.OWN: "own",
+    Rule.OPERATE: "operate",
+}
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,7 @@ class Credential:
 
     kind: Kind
     secret: str
+    in_address: bool = False
 
 
 def cookie_name(scope: Scope) -> str:
@@ -108,6 +114,15 @@ def _key_of(authorization: str) -> str:
     return rest.strip() if kind.lower() == "bearer" else ""
 
 
+def capability_of(scope: Scope) -> Credential | None:
+    """What a request for the room of points shows: a key in a header, else one in the address."""
+    headers = Headers(scope=scope)
+    if (authorization := headers.get("authorization")) is not None:
+        return Credential("key", _key_of(authorization))
+    _, _, secret = scope["path"].removeprefix(LIVE_PATH).partition("/")
+    return Credential("key", secret, in_address=True) if secret else None
+
+
 def callers_of(scope: Scope) -> Callers:
     """The callers that the process knows."""
     callers: Callers = scope["app"].state.callers
@@ -126,7 +141,7 @@ class Gate:
         self._see_editions: frozenset[CallerScope] = frozenset()
         if settings.shown_map == "releases":
             owners: tuple[CallerScope, ...] = ("own",) if settings.owners_see_editions else ()
-            self._see_editions = frozenset(("nobody", "upload", *owners))
+            self._see_editions = frozenset(("nobody", "live", "upload", *owners))
         self._rules = Rules(routes)
         self._proxy = Proxy.of(settings)
         # What an upload still sends is read for a while, so that its client reads the refusal.
@@ -137,14 +152,15 @@ class Gate:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        if self._open:
+        rule = self._rules.of(scope["method"], scope["path"])
+        live = capability_of(scope) if rule is Rule.LIVE else None
+        if self._open and live is None:
             await self._pass(SERVICE, scope, receive, send)
             return
-        rule = self._rules.of(scope["method"], scope["path"])
         if rule is Rule.OPEN and scope["path"] != SESSION_PATH:
             await self._pass(NOBODY, scope, receive, send)
             return
-        credential = credential_of(scope, self._proxy)
+        credential = live if rule is Rule.LIVE else credential_of(scope, self._proxy)
         callers = callers_of(scope)
         try:
             known = None if credential is None else await callers.find(credential.kind, credential.secret)
@@ -185,17 +201,23 @@ class Gate:
             return None
         if caller is NOBODY and credential is not None and credential.kind == "key":
             return UnauthorizedError(say("access.no_such_key"))
+        if credential is not None and credential.in_address and caller.scope != "live":
+            return ForbiddenError(say("access.not_in_address", scope=caller.scope))
         need = self._need(rule)
         if not caller.may(need):
-            if caller is NOBODY:
-                return UnauthorizedError(say("access.needs_key"))
-            return ForbiddenError(say("access.needs_scope", need=need, scope=caller.scope))
+            return _refused(caller, need)
         if credential is not None and credential.kind != "key" and scope["method"] in CHANGING:
             # A browser says where a change comes from. Where nothing is said it may be a page of another site.
             headers = Headers(scope=scope)
             if "origin" not in headers and "sec-fetch-site" not in headers:
                 return CrossOriginWriteError(say("access.which_page"))
         return None
+
+
+def _refused(caller: Caller, need: CallerScope) -> ServiceError:
+    if caller is NOBODY:
+        return UnauthorizedError(say("access.needs_key"))
+    return ForbiddenError(say("access.needs_scope", need=need, scope=caller.scope))
 
 
 def _kept_by_nobody_else(send: Send) -> Send:

@@ -21,6 +21,8 @@ class Rule(Enum):
     """Nothing: it tells nothing of anybody."""
     MAP = "map"
     """Nothing where the map is public, else `own`."""
+    LIVE = "live"
+    """A key, as a header or in the address (`app.access.gate.capability_of`): nobody is known by a cookie."""
     UPLOAD = "upload"
     OWN = "own"
     OPERATE = "operate"
@@ -43,6 +45,7 @@ _TABLE = {
         GET /map
         GET /openapi.json
         GET /owner
+        GET /phones
         GET /problems
         GET /problems/{slug}
         GET /readyz
@@ -60,6 +63,15 @@ _TABLE = {
         POST /v1/session
         DELETE /v1/session
         GET /web/{name:path}
+        GET /v1/live/senders
+    """,
+    Rule.LIVE: """
+        GET /v1/live/last
+        GET /v1/live/last/{capability}
+        GET /v1/live/{sender}
+        POST /v1/live/{sender}
+        GET /v1/live/{sender}/{capability}
+        POST /v1/live/{sender}/{capability}
     """,
     Rule.MAP: """
         GET /collections
@@ -139,6 +151,8 @@ _TABLE = {
         DELETE /v1/exports/{export_id}
         GET /v1/exports/{export_id}/beside/{name}
         GET /v1/exports/{export_id}/file
+        GET /v1/live
+        POST /v1/live/addresses
         GET /v1/keys
         POST /v1/keys
         DELETE /v1/keys/{key_id}

@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.errors import BusyError
 from app.core.messages import say
-from app.core.middleware import FOR_PROBES, UPLOAD_PATHS
+from app.core.middleware import FOR_PROBES, LIVE_PATH, UPLOAD_PATHS
 from app.core.problems import refuse
 from app.core.receiving.clients import Shares, present_client
 
@@ -29,7 +29,7 @@ MOST_WAITING = 400
 """In each class, of one client half as many: a map asks for some sixty tiles at once."""
 FOR_OTHERS = 2
 """Places of each class that only clients get who have none in it."""
-MORE_CONNECTIONS = 25
+MORE_CONNECTIONS = 31
 """To the database, beside those that a process keeps open: as many as the classes may need, one for all archives of
 owners (``app.drives.person.archive``), and three."""
 WIDE_ZOOM = 12
@@ -37,6 +37,8 @@ WIDE_ZOOM = 12
 CHANGES = "changes"
 SEARCHES = "searches"
 PARTS = "parts"
+POINTS = "points"
+"""Of drives under way."""
 
 _KINDS = {
     "wide tiles": r"/(tiles|names)/(\d|1[01])/.*",
@@ -139,7 +141,15 @@ def make_request_classes(connections: int) -> dict[str, RequestClass]:
 
     Together they leave four connections: one for archives, three for quick requests.
     """
-    places = {"tiles": connections, "wide tiles": 2, SEARCHES: 2, PARTS: 2, CHANGES: 2, "figures": 1}
+    places = {
+        "tiles": connections,
+        "wide tiles": 2,
+        SEARCHES: 2,
+        PARTS: 2,
+        CHANGES: 2,
+        POINTS: 4,
+        "figures": 1,
+    }
     return {name: RequestClass(size, for_others=FOR_OTHERS) for name, size in places.items()}
 
 
@@ -197,6 +207,8 @@ class Admission:
 
 def class_of_request(method: str, path: str, query: bytes = b"") -> str | None:
     """The class of a request; None if it is quick, or an upload, which goes at the client's pace."""
+    if path.startswith(LIVE_PATH):
+        return POINTS
     if method not in {"GET", "HEAD", "OPTIONS"}:
         return None if path in UPLOAD_PATHS else CHANGES
     if _ITEMS.fullmatch(path):

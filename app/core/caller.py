@@ -18,11 +18,11 @@ from typing import Any, Literal
 from sqlalchemy import Connection, Engine, text
 from sqlalchemy.orm import Session
 
-from app.core.db import begin_with
+from app.core.db import Sessions, begin_with, session_factory
 
-Scope = Literal["nobody", "upload", "own", "operate"]
+Scope = Literal["nobody", "live", "upload", "own", "operate"]
 
-SCOPES: tuple[Scope, ...] = ("nobody", "upload", "own", "operate")
+SCOPES: tuple[Scope, ...] = ("nobody", "live", "upload", "own", "operate")
 """Each may do what those before it may."""
 OPERATOR_OWNER = 1
 """The owner of what nobody else owns: of everything from before there were owners."""
@@ -31,6 +31,7 @@ API_ROLE = "versant_api"
 """Of whoever is nobody: it sees no row that has an owner. The others are members of it."""
 ROLES: dict[Scope, str] = {
     "nobody": API_ROLE,
+    "live": "versant_uploader",
     "upload": "versant_uploader",  # sees what its key sent
     "own": "versant_owner",  # sees what is its owner's
     "operate": "versant_operator",  # sees everything
@@ -75,12 +76,12 @@ class Caller:
     @property
     def confined_to(self) -> int | None:
         """The owner of whose rows alone the caller sees any; None: it sees those of all, or none of anybody."""
-        return self.owner_id if self.scope in {"upload", "own"} else None
+        return self.owner_id if self.scope in {"live", "upload", "own"} else None
 
     @property
     def as_owner(self) -> Caller:
         """The caller as it sees what its owner has: an upload looks there for the same log."""
-        return replace(self, scope="own") if self.scope == "upload" else self
+        return replace(self, scope="own") if self.scope in {"live", "upload"} else self
 
 
 NOBODY = Caller()
@@ -135,6 +136,12 @@ def has_share(mine: int, held: int, most: int) -> bool:
     two a third each. Operators may have all.
     """
     return present_caller().scope not in {"upload", "own"} or mine < most - held
+
+
+def guarded(sessions: Sessions) -> Sessions:
+    """Sessions on the same connections whose transactions are the present caller's: for a worker that acts for one."""
+    engine: Engine = sessions.kw["bind"]
+    return session_factory(guard(engine.execution_options()))
 
 
 def guard(engine: Engine) -> Engine:

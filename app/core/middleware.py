@@ -43,6 +43,8 @@ LASTING_S, LASTING_WEIGHT = 1.0, 20
 """A request that lasts longer (an event stream) outlives the young generations, leaves some 30 kB and counts as 20."""
 
 UPLOAD_PATHS = frozenset({"/v1/drives", "/v1/operations"})
+LIVE_PATH = "/v1/live/"
+"""Before the names of programs that send points of a drive under way."""
 CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 FOR_PROBES = frozenset({"/healthz", "/readyz"})
 """Balancers ask for these under whatever name they know the machine by; the answers tell nothing about anybody."""

@@ -19,6 +19,8 @@ from sqlalchemy.orm import Session
 from app.changes.webhooks.store import forget_drives
 from app.core.caller import present_caller, seeing_all
 from app.core.db import plain_json, plain_text
+from app.core.errors import ConflictError
+from app.core.messages import say
 from app.core.tables import HAS_LOG, IS_SHOWN
 from app.core.telemetry.tracing import traceparent
 from app.drives.documents import ROADS_STAGE, Drive, DrivePlace
@@ -88,6 +90,11 @@ _GIVE_BLOB = text("""
     UPDATE drives SET blob_key = :blob_key, sha256 = :sha256, size_bytes = :size_bytes
     WHERE id = :id AND blob_key = :lost_key RETURNING id
 """)
+
+_REPLACE_LOG = text(f"""
+    UPDATE drives SET blob_key = :blob_key, sha256 = :sha256, content_sha256 = :content_sha256, size_bytes = :size_bytes
+    WHERE id = :id AND blob_key = :former_key AND status <> 'cancelled' AND {HAS_LOG} RETURNING id
+""")  # noqa: S608 - a constant
 
 CANCELLED = """
     status = 'cancelled', stage = NULL, generation = generation + 1, finished_at = clock_timestamp(),
@@ -178,6 +185,24 @@ def give_blob(session: Session, drive: Drive, *, sha256: str, size_bytes: int, b
     """Let a drive whose blob is lost have another of the same content; False: it is gone, or has one by now."""
     values = {"sha256": sha256, "size_bytes": size_bytes, "blob_key": blob_key}
     return changed(session, _GIVE_BLOB, {"id": drive.id, "lost_key": drive.blob_key, **values})
+
+
+def replace_log(
+    session: Session, drive_id: uuid.UUID, former_key: str, *, sha256: str, content_sha256: str, **blob: Any
+) -> Drive | None:
+    """Give the drive another log (``blob_key``, ``size_bytes``) in the place of that, and queue it again by its method.
+
+    None: it is gone, or has another by now. The caller enqueues the job. Where the caller's owner has a drive of that
+    content, ``ConflictError``.
+    """
+    same = _one(session, _GET_BY_CONTENT, {"sha256": sha256, "content_sha256": content_sha256})
+    if same is not None and same.id != drive_id:
+        raise ConflictError(say("live.same_log", id=same.id))
+    values = {"sha256": sha256, "content_sha256": content_sha256, **blob}
+    if not changed(session, _REPLACE_LOG, {"id": drive_id, "former_key": former_key, **values}):
+        return None
+    drive = get_drive(session, drive_id)
+    return None if drive is None else request_reprocess(session, drive_id, drive.method, drive.options)
 
 
 def get_drive(session: Session, drive_id: uuid.UUID) -> Drive | None:

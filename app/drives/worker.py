@@ -31,6 +31,7 @@ from app.drives.batches import enqueuing
 from app.drives.batches import store as batches
 from app.drives.batches.removing import removing_task
 from app.drives.batches.touched import queue_touched
+from app.drives.live import closing as live
 from app.drives.person import removal, retention
 from app.drives.process import give_up, process_drive
 from app.drives.queue import BEHIND, PROCESS_DRIVE, REMOVE_DRIVE, SOLVE, enqueue_solve
@@ -219,6 +220,11 @@ def _chores(context: JobContext, ledger: Ledger, teller: Teller) -> tuple[tuple[
             partial(retention.delete_due, sessions, blobs, context.settings.keep_logs_days),
             "logs that were kept long enough could not be deleted",
             retention.LOOK_EVERY_S,
+        ),
+        (
+            live.Closer(sessions, blobs, context.settings).look,
+            "drives under way could not be closed",
+            live.LOOK_EVERY_S,
         ),
         (heights.piece, "heights could not be filled in", RENEW_EVERY_S),
         (

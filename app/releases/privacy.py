@@ -13,7 +13,7 @@ from app.releases import ends
 from app.releases.documents import EXAMPLE_FIGURES, Figures
 from app.releases.store import Edition
 
-Who = Literal["nobody", "upload", "own", "operate"]
+Who = Literal["nobody", "live", "upload", "own", "operate"]
 
 _LIVE, _EDITION = "the map as it is at this moment", "the newest edition of the map"
 _EXAMPLE: dict[str, Any] = {
@@ -94,6 +94,7 @@ def _seen(settings: Settings) -> list[Seen]:
     owners = _EDITION if settings.owners_see_editions else _LIVE
     return [
         Seen(by="nobody", text=without_key),
+        Seen(by="live", text="The last point of its own devices, beside what is seen without a key."),
         Seen(
             by="upload", text="The state of the drives that the key sent, beside what is seen without a key."
         ),

@@ -137,6 +137,7 @@ PAGES = {
     "/admin": "admin",
     "/keys": "keys",
     "/owner": "owner",
+    "/phones": "phones",
     "/login": "login",
 }
 """Address -> page; that of a drive itself says where there is none."""

@@ -19,7 +19,7 @@ from app.core.messages import say
 if TYPE_CHECKING:
     from app.access.store import Key
 
-Scope = Literal["upload", "own", "operate"]
+Scope = Literal["live", "upload", "own", "operate"]
 """The service's own names, known here without loading it."""
 
 KEY_ID = arg("A key, as `list` names it.", metavar="ID")
@@ -29,7 +29,8 @@ def create(
     ctx: typer.Context,
     owner: str = opt("Whose key it is.", default=..., metavar="NAME"),
     scope: Scope = opt(
-        "What it may: send drives (upload), all that concerns its owner's drives (own), everything (operate).",
+        "What it may: send points of drives under way (live), send drives (upload), all that concerns its "
+        "owner's drives (own), everything (operate).",
         default="upload",
     ),
     label: str = opt(

@@ -91,7 +91,7 @@ def key_to_log_in(session: Session, key_id: uuid.UUID | None, folder: Path) -> s
             raise KeysError(say("keys.which", what=several, advice=LIST))
         key_id = operating[0].id
     key = usable_key(session, key_id)
-    if key.scope == "upload":
+    if key.scope in {"live", "upload"}:
         raise KeysError(say("keys.only_uploads", id=key.id, advice=LIST))
     return key
 

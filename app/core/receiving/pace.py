@@ -10,11 +10,13 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.core.disconnects import answer_nobody, has_body
 from app.core.errors import BodyTooLargeError, SlowClientError
 from app.core.messages import say
-from app.core.middleware import CHANGING, UPLOAD_PATHS
+from app.core.middleware import CHANGING, LIVE_PATH, UPLOAD_PATHS
 from app.core.problems import refuse
 
 SMALL_BODY_BYTES = 64 * 1024
 """Far above any JSON that a route takes."""
+POINTS_BODY_BYTES = 2 * 2**20
+"""Of points of a drive under way: a phone that was offline sends a thousand of them at once, 600 bytes each."""
 LEAST_PACE_BYTES_PER_S = 1000
 """Of uploads and imports, over the time that is waited for them: a tenth of what the slowest mobile networks carry."""
 
@@ -40,26 +42,27 @@ class Bodies:
             await self._read_first(scope, receive, send)
 
     async def _read_first(self, scope: Scope, receive: Receive, send: Send) -> None:
+        most_bytes = POINTS_BODY_BYTES if scope["path"].startswith(LIVE_PATH) else SMALL_BODY_BYTES
         try:
             async with asyncio.timeout(self._body_timeout_s):
-                body = await _read_body(receive)
+                body = await _read_body(receive, most_bytes)
         except TimeoutError:
             message = f"The body was not whole within {self._body_timeout_s:g} s. Send it again."
             await refuse(SlowClientError(message), scope, receive, send)
             return
         if body is None:
             await answer_nobody(send)
-        elif len(body) > SMALL_BODY_BYTES:
-            message = f"The body is larger than {SMALL_BODY_BYTES} bytes. Send less."
+        elif len(body) > most_bytes:
+            message = f"The body is larger than {most_bytes} bytes. Send less."
             await refuse(BodyTooLargeError(message), scope, receive, send)
         else:
             await self.app(scope, _replayed(body, receive), send)
 
 
-async def _read_body(receive: Receive) -> bytes | None:
+async def _read_body(receive: Receive, most_bytes: int) -> bytes | None:
     """The body, or its beginning where it is too large; None: the client disconnected."""
     body = bytearray()
-    while len(body) <= SMALL_BODY_BYTES:
+    while len(body) <= most_bytes:
         message = await receive()
         if message["type"] != "http.request":
             return None

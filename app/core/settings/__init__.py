@@ -201,6 +201,8 @@ class Settings(Access):
     """Seconds between two signs of life of a worker that computes."""
     stalled_after_s: float = Field(30.0, gt=0)
     """Seconds without a sign of life after which a drive is given to another worker."""
+    live_silence_s: float = Field(900.0, ge=1, le=86_400)
+    """Seconds without a point after which a drive that a phone or tracker sends is closed and computed."""
     publish_every_s: float = Field(30.0, ge=0)
     """While drives wait, slopes of one place are published at most so often, seconds; else at once."""
     default_method: str | None = Field(None, min_length=1)

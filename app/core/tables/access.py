@@ -77,7 +77,7 @@ class KeyRow(Base):
     """A day and no more: when somebody sent a drive is not to be read here."""
     revoked_at: Mapped[datetime | None]
 
-    __table_args__ = (sa.CheckConstraint("scope IN ('upload', 'own', 'operate')", name="scope"),)
+    __table_args__ = (sa.CheckConstraint("scope IN ('live', 'upload', 'own', 'operate')", name="scope"),)
 
 
 class SessionRow(Base):

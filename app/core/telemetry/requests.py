@@ -29,6 +29,8 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z_-]{0,40}")
 _ACCEPTED_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _PLACES = frozenset({"x", "y", "z", "bbox"})
 """Parts of a path that say where."""
+_SECRET = re.compile(r"vsk_[^/]*")
+"""A key in an address (``/v1/live``), whatever else is wrong with that."""
 
 logger = logging.getLogger(__name__)
 
@@ -82,7 +84,7 @@ class RequestLog:
     def _facts(scope: Scope, status: int) -> dict[str, object]:
         route = getattr(scope.get("route"), "path", NO_ROUTE)
         parts = scope.get("path_params") or {}
-        path = None if _PLACES & parts.keys() else scope["path"][:LONGEST_PATH]
+        path = None if _PLACES & parts.keys() else _SECRET.sub("vsk_...", scope["path"])[:LONGEST_PATH]
         return {
             "method": scope["method"],
             "route": route,

@@ -33,6 +33,10 @@ from app.core.version import code_version
 from app.drives import store as drives
 from app.drives import tracks
 from app.drives.documents import Drive, DrivePlace, linked
+from app.drives.live import store as live
+from app.drives.live.cutting import MOST_POINTS
+from app.drives.live.documents import Stream
+from app.drives.live.writing import filename_of, log_of
 from app.drives.outputs.estimates import estimate_feature
 from app.drives.outputs.profile import Profile
 from app.drives.outputs.track import track_chunks
@@ -97,6 +101,7 @@ class Archive:
     def pieces(self) -> Iterator[bytes]:
         """The bytes of the archive."""
         yield from self._of_owner()
+        yield from self._under_way()
         for drive in self._drives():
             parts = self._read(_parts_of, drive.id)
             if parts is not None:
@@ -124,12 +129,23 @@ class Archive:
         called = [
             Webhook.of(row, self._base).model_dump(mode="json") for row in webhooks.list_webhooks(session)
         ]
+        seen = live.streams(session, live.MOST_STREAMS)
+        devices = [Stream.of(one).model_dump(mode="json") for one in seen]
         return {
             "owner.json": figures.model_dump(mode="json"),
             "keys.json": {"keys": keys},
             "zones.geojson": Zones.of(zones_of(session, owner_id)).model_dump(mode="json"),
             "webhooks.json": {"webhooks": called},
+            "devices.json": {"streams": devices},
         }
+
+    def _under_way(self) -> Iterator[bytes]:
+        """Points of devices that are in no log yet."""
+        for stream in self._read(live.streams, live.MOST_STREAMS):
+            points = self._read(live.points_of, stream.id, 2 * MOST_POINTS)
+            if points:
+                name = filename_of(stream.sender, stream.device, points)
+                yield from self._text(f"under-way/{stream.id}-{name}", iter([log_of(points).decode()]))
 
     def _drives(self) -> Iterator[Drive]:
         """All that are shown, the newest first; those that come meanwhile are not among them."""

@@ -46,6 +46,7 @@ _SHUT = (
 _CLEAR = (
     text("DELETE FROM webhooks WHERE owner_id = :owner_id"),
     text("DELETE FROM owner_zones WHERE owner_id = :owner_id"),
+    text("DELETE FROM live_streams WHERE owner_id = :owner_id"),
 )
 # What others did for the owner names it.
 _FORGET_NAME = text("UPDATE audit_log SET detail = detail - 'owner' WHERE detail ->> 'owner' = :name")

@@ -14,6 +14,7 @@ from app.main import known_routes
 REFUSED: dict[Rule, dict[str | None, int]] = {
     Rule.OPEN: {},
     Rule.MAP: {None: 401, "wrong": 401, "revoked": 401, "anna upload": 403},
+    Rule.LIVE: {None: 401, "wrong": 401, "revoked": 401},
     Rule.UPLOAD: {None: 401, "wrong": 401, "revoked": 401},
     Rule.OWN: {None: 401, "wrong": 401, "revoked": 401, "anna upload": 403},
     Rule.OPERATE: {None: 401, "wrong": 401, "revoked": 401, "anna upload": 403, "anna": 403},

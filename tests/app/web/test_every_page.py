@@ -8,7 +8,7 @@ import pytest
 
 from web_fixtures import Web
 
-PAGES = ("map", "upload", "drives", "admin", "docs")
+PAGES = ("map", "upload", "drives", "admin", "docs", "phones")
 
 
 def test_policy_allows_this_host_alone(web: Web) -> None:

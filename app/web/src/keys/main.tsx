@@ -16,7 +16,9 @@ function Content() {
   return (
     <Page name="keys">
       <h1 id="keys">{t("keys.title")}</h1>
-      <p>{t("keys.what")}</p>
+      <p>
+        {t("keys.what")} <a href="/phones">{t("keys.by_phone")}</a>
+      </p>
       {session()?.access === "open" && <p class="card warn-text">{t("keys.open")}</p>}
       {problem.value !== null ? (
         <div class="card" role="alert">

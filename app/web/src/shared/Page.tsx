@@ -18,7 +18,7 @@ import { switchTheme, theme } from "./theme";
 import "./style.css";
 
 const PAGES = ["map", "upload", "drives", "admin", "docs"] as const;
-export type PageName = (typeof PAGES)[number] | "keys" | "login" | "owner";
+export type PageName = (typeof PAGES)[number] | "keys" | "login" | "owner" | "phones";
 /** Pages for operators alone. */
 const OPERATORS: readonly PageName[] = ["admin"];
 /** Pages for everybody. */

@@ -10,7 +10,7 @@ export type Scope = components["schemas"]["Key"]["scope"];
 
 const ADDRESS = "/v1/session";
 const LOGIN = "/login";
-const SCOPES: readonly Scope[] = ["upload", "own", "operate"];
+const SCOPES: readonly Scope[] = ["live", "upload", "own", "operate"];
 /** A page does not wait longer for it. */
 const PATIENCE_MS = 3000;
 

@@ -92,6 +92,9 @@ function Content() {
     <Page name="upload">
       <h1>{t("upload.title")}</h1>
       <p class="intro">{t("upload.intro")}</p>
+      <p class="intro">
+        <a href="/phones">{t("upload.by_phone")}</a>
+      </p>
       <Seen />
       <Adding />
       {items.value.length > 0 && (
