@@ -151,3 +151,15 @@ def documentation_that_was_searched(look: Look) -> None:
     look.page.locator("details.operation > summary").first.click()
     look.page.locator("details.operation[open]").wait_for()
     assert "q=webhooks" in look.page.url
+
+
+@state("15", "bare")
+def the_address_of_a_phone(look: Look) -> None:
+    """What is to be typed and where, a code to scan, and that nothing has come yet."""
+    look.go("/phones")
+    look.page.get_by_label(look.t("phones.label")).fill("pixel")
+    look.page.get_by_role("button", name=look.t("phones.make"), exact=True).click()
+    look.page.get_by_role("img", name=look.t("phones.scan")).wait_for()
+    look.page.get_by_text(look.t("phones.steps.owntracks")).wait_for()
+    look.page.get_by_text(look.t("phones.waits")).wait_for()
+    expect(look.page.locator(".made pre code")).to_contain_text("/v1/live/owntracks/vsk_")
