@@ -132,7 +132,9 @@ def _table(kind: type[RoadHeights], part: Iterable[Segment]) -> RoadHeights:
         for name in _COLUMNS
     }
     columns |= dict(zip(("lon0_deg", "lat0_deg", "lon1_deg", "lat1_deg"), ends.T, strict=True))
-    return kind(**columns, structure=np.array([one.bridge or one.tunnel for one in part], bool))
+    structure = np.array([one.bridge or one.tunnel for one in part], bool)
+    way = np.array([one.osm_way_id for one in part], np.int64)
+    return kind(**columns, structure=structure, way=way)
 
 
 def about(stated: Stated, relief: Relief, options: ReliefOptions) -> str:

@@ -13,9 +13,10 @@ who takes the nearest post without interpolation. Where the model is void its co
 instead of corrections differ little.
 
 **Roads at different levels** (``LEVEL_M``) that cross need other heights of the same posts. Routers take bridges and
-tunnels by their ends and sample roads on the ground along their lines, so by the rule ``ground`` a bridge or tunnel has
-no say within a posting of another road on the ground, or of a higher bridge; elsewhere its deck lies over the valley.
-By the rule ``upper`` the upper road has the posts. Roads on the ground share them.
+tunnels by the ends of their ways and sample roads on the ground along their lines. So by the rule ``ground`` a bridge
+or tunnel has no say within a posting of another road on the ground, or of a higher bridge, but where its way ends;
+elsewhere its deck lies over the valley. By the rule ``upper`` the upper road has the posts. Roads on the ground share
+them.
 
 Posts are solved in blocks, each with a margin; seams agree to millimetres, since roads pin the surface.
 """

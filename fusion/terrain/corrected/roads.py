@@ -31,7 +31,7 @@ class RoadHeights(ColumnTable):
     """n measured segments; columns (n,). Places in degrees, lengths in metres along the segment from its first end.
 
     ``steepest_percent`` over [``steepest_from_m``, ``steepest_to_m``] is NaN where it is not known;
-    ``slope_sigma_percent`` is one standard deviation. ``structure``: a bridge or in a tunnel.
+    ``slope_sigma_percent`` is one standard deviation. ``structure``: a bridge or in a tunnel; ``way``: OpenStreetMap's.
     """
 
     lon0_deg: Floats
@@ -46,6 +46,7 @@ class RoadHeights(ColumnTable):
     steepest_to_m: Floats
     slope_sigma_percent: Floats
     structure: Bools
+    way: Ints
 
     def in_box(self, west: float, south: float, east: float, north: float) -> Bools:
         """Those whose box meets this one, degrees."""
@@ -59,7 +60,10 @@ class RoadHeights(ColumnTable):
 
 @dataclass(frozen=True, eq=False)
 class Places(ColumnTable):
-    """m places along roads; columns (m,). ``sigma``: of the grade there, a fraction; ``node``: a segment's end."""
+    """m places along roads; columns (m,). ``sigma``: of the grade there, a fraction; ``node``: a segment's end.
+
+    ``deck_end``: where a way on a bridge or in a tunnel ends, which is where routers take its height.
+    """
 
     lon_deg: Floats
     lat_deg: Floats
@@ -67,12 +71,14 @@ class Places(ColumnTable):
     sigma: Floats
     structure: Bools
     node: Bools
+    deck_end: Bools
 
 
 def places_along(roads: RoadHeights, apart_m: float) -> Places:
     """Places on both ends of each segment and between them, at most ``apart_m`` from each other."""
     parts = np.maximum(np.ceil(roads.length_m / apart_m), 1).astype(np.int64)
     row, k = counted(parts + 1)
+    ends = _deck_ends(roads)
     share = k / parts[row]
     at_m, heights = _courses(roads)
     return Places(
@@ -82,7 +88,23 @@ def places_along(roads: RoadHeights, apart_m: float) -> Places:
         sigma=roads.slope_sigma_percent[row] / 100,
         structure=roads.structure[row],
         node=(k == 0) | (k == parts[row]),
+        deck_end=((k == 0) & ends[0][row]) | ((k == parts[row]) & ends[1][row]),
     )
+
+
+def _deck_ends(roads: RoadHeights) -> Bools:
+    """Whether both ends of each segment (2, n) are where a bridge's or tunnel's way ends, or meets another one."""
+    place = np.stack([roads.lon0_deg + 1j * roads.lat0_deg, roads.lon1_deg + 1j * roads.lat1_deg])
+    found = np.zeros(place.shape, bool)
+    decks = np.flatnonzero(roads.structure)
+    _, node, count = np.unique(place[:, decks], return_inverse=True, return_counts=True)
+    node = node.reshape(2, -1)
+    low, high = np.full(len(count), np.inf), np.full(len(count), -np.inf)
+    for side in node:
+        np.minimum.at(low, side, roads.way[decks])
+        np.maximum.at(high, side, roads.way[decks])
+    found[:, decks] = ((count != 2) | (low != high))[node]
+    return found
 
 
 def _courses(roads: RoadHeights) -> tuple[Floats, Floats]:
@@ -192,7 +214,8 @@ def structures_that_lose(places: Places, x_m: Floats, y_m: Floats, near_m: float
             loses[others[places.height_m[others] < places.height_m[deck]]] = True
         else:
             on_ground = ~places.structure[others]
-            loses[deck] |= bool(on_ground.any() or (places.height_m[others] > places.height_m[deck]).any())
+            is_under = on_ground.any() or (places.height_m[others] > places.height_m[deck]).any()
+            loses[deck] |= bool(is_under) and not places.deck_end[deck]
     return loses
 
 

@@ -35,7 +35,7 @@ def across_the_edge() -> RoadHeights:
     heights, unknown = np.linspace(300, 310, 11), np.full(10, np.nan)
     return RoadHeights(
         lon[:-1], lat[:-1], lon[1:], lat[1:], np.full(n, 72.3), heights[:-1], heights[1:], unknown, unknown, unknown,
-        np.full(n, 0.2), np.zeros(n, bool),
+        np.full(n, 0.2), np.zeros(n, bool), np.ones(n, np.int64),
     )  # fmt: skip
 
 

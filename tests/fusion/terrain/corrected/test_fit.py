@@ -36,7 +36,7 @@ def heights_at(
     return (1 - b) * upper + b * ((1 - a) * z[top + 1, left] + a * z[top + 1, left + 1])
 
 
-def road(posts: Any, heights_m: Any, structure: Any = False) -> RoadHeights:
+def road(posts: Any, heights_m: Any, structure: Any = False, way: int = 1) -> RoadHeights:
     """A road through places in posts (column, row) of the raster, with its height at each."""
     at = np.asarray(posts, float)
     lon, lat = WEST + at[:, 0] / 3600, NORTH - at[:, 1] / 3600
@@ -46,7 +46,7 @@ def road(posts: Any, heights_m: Any, structure: Any = False) -> RoadHeights:
     unknown = np.full(n, np.nan)
     return RoadHeights(
         lon[:-1], lat[:-1], lon[1:], lat[1:], length, height[:-1], height[1:], unknown, unknown, unknown,
-        np.full(n, 0.2), np.broadcast_to(np.asarray(structure), n).copy(),
+        np.full(n, 0.2), np.broadcast_to(np.asarray(structure), n).copy(), np.full(n, way),
     )  # fmt: skip
 
 
@@ -107,7 +107,7 @@ def test_where_roads_cross_at_two_levels_one_has_the_posts(corrected: Any, upper
     across = np.column_stack([np.arange(15, 66, 2.5), np.full(21, 40.4)])
     deck = (across[:-1, 0] >= 30) & (across[1:, 0] <= 50)
     below = np.column_stack([np.full(21, 40.4), np.arange(15, 66, 2.5)])
-    over, under = road(across, np.full(21, 208.0), deck), road(below, np.full(21, 200.0))
+    over, under = road(across, np.full(21, 208.0), deck), road(below, np.full(21, 200.0), way=2)
     block = corrected(FLAT, over.joined(under), upper=upper)
     crossing = heights_at(block, WEST + 40.4 / 3600, NORTH - 40.4 / 3600)
     along = np.linspace(20, 60, 100)
@@ -145,7 +145,7 @@ def of_town(town: Town, tmp_path_factory: pytest.TempPathFactory) -> tuple[Dem, 
     start, end = (town.node_height_m[side] + 3 for side in (town.start, town.end))
     table = RoadHeights(
         roads.lon0_deg, roads.lat0_deg, roads.lon1_deg, roads.lat1_deg, town.length_m, start, end, unknown, unknown,
-        unknown, np.full(len(roads), 0.3), roads.bridge | roads.tunnel,
+        unknown, np.full(len(roads), 0.3), roads.bridge | roads.tunnel, roads.osm_way_id,
     )  # fmt: skip
     return Dem.open([folder / "dem.tif"]), table
 
@@ -202,3 +202,18 @@ def test_the_slow_offset_is_taken_off(of_town: tuple[Dem, RoadHeights]) -> None:
     dem, roads = of_town
     assert CorrectedTerrain(dem, roads).offset_m == pytest.approx(3, abs=1.5), "the model errs by metres"
     assert CorrectedTerrain(None, roads).offset_m == 0
+
+
+def test_where_a_way_of_a_bridge_ends_its_height_stays(corrected: Any) -> None:
+    """Also over another road: routers take a bridge's height there."""
+    across = np.column_stack([np.arange(15, 66, 2.5), np.full(21, 40.4)])
+    deck = (across[:-1, 0] >= 30) & (across[1:, 0] <= 50)
+    below = np.column_stack([np.full(21, 40.4), np.arange(15, 66, 2.5)])
+    heights = []
+    for second in (1, 3):
+        over = road(across, np.full(21, 208.0), deck)
+        over.way[10:] = second  # the deck is of one way, or of two that meet near the other road
+        block = corrected(FLAT, over.joined(road(below, np.full(21, 200.0), way=2)))
+        heights.append(heights_at(block, WEST + across[10, 0] / 3600, NORTH - 40.4 / 3600))
+    one, two = heights
+    assert two - one > 5
