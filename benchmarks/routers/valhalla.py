@@ -99,7 +99,9 @@ def main() -> None:
         measured = _measured(scene, before, folder, asked)
         after = folder / "after" / before.relative_to(folder / "before")
         figures: dict[str, Any] = {"segments": len(scene.town.roads), "measured": int(measured.sum())}
-        rows = _sampled(scene, HgtTile(before), HgtTile(after), measured)
+        rows = _sampled(
+            scene, HgtTile(before), (HgtTile(after), HgtTile(folder / "after" / before.name)), measured
+        )
         if asked.programs is None or not (asked.programs / "bin" / "valhalla_service").is_file():
             print(
                 "Valhalla is left out: --programs DIR has to name a folder with bin/valhalla_service in it."
@@ -138,19 +140,27 @@ def _measured(scene: Scene, tile: Path, folder: Path, asked: argparse.Namespace)
         solution = fusion.solve().solution
         source = SolvedSource(solution, datetime.now(UTC), [asked.map], lambda: dem)
         form = FORMATS["dem-hgt"]
-        archive = folder / "after.hgt.zip"
-        form.write(cast(Source, source), archive, {"attribution": ""}, form.parse_options({}, local=True))
-        for note in source.notes:
-            print(note)
-    zipfile.ZipFile(archive).extractall(folder / "after")
+        for router in ("valhalla", "graphhopper"):
+            archive, options = (
+                folder / f"{router}.hgt.zip",
+                form.parse_options({"router": router}, local=True),
+            )
+            form.write(cast(Source, source), archive, {"attribution": ""}, options)
+            zipfile.ZipFile(archive).extractall(folder / "after")
+        print(source.notes[0])
+    for inner in (folder / "after").glob("*.hgt.zip"):
+        zipfile.ZipFile(inner).extractall(folder / "after")
     ours, known = scene.town.roads, solution.roads
     keys = set(zip(known.osm_way_id.tolist(), known.from_node.tolist(), known.to_node.tolist(), strict=True))
     mine = zip(ours.osm_way_id.tolist(), ours.from_node.tolist(), ours.to_node.tolist(), strict=True)
     return np.array([key in keys for key in mine], bool)
 
 
-def _sampled(scene: Scene, before: HgtTile, after: HgtTile, measured: Bools) -> Rows:
-    """GraphHopper and BRouter: nodes of segments on the ground, and ends of bridges and tunnels."""
+def _sampled(scene: Scene, before: HgtTile, after: tuple[HgtTile, HgtTile], measured: Bools) -> Rows:
+    """GraphHopper and BRouter: nodes of segments on the ground, and ends of bridges and tunnels.
+
+    ``after``: tiles for who interpolates, and for GraphHopper.
+    """
     town, decks = scene.town, on_structure(scene.town)
     ground = np.flatnonzero(~decks & (town.length_m >= LEAST_M))
     spans = _spans(scene)
@@ -170,7 +180,7 @@ def _sampled(scene: Scene, before: HgtTile, after: HgtTile, measured: Bools) -> 
     rows: Rows = []
     for name in samplers(before):
         errors = []
-        for tile in (before, after):
+        for tile in (before, after["GraphHopper" in name]):
             height = samplers(tile)[name](town.node_lon_deg, town.node_lat_deg)
             errors.append(100 * (height[b] - height[a]) / length - true)
         rows += Errors(errors[0], errors[1], where, seen).rows(name)

@@ -66,7 +66,7 @@ class DemHgt(Format):
         from fusion.terrain.corrected.files import Layout, degrees_with, write_hgt  # noqa: PLC0415
         from fusion.terrain.corrected.grids import ArcSeconds  # noqa: PLC0415
 
-        with relief_of(source, options, whole=True) as relief:
+        with relief_of(source, options, whole=True, one_post=options.router is Router.GRAPHHOPPER) as relief:
             tiles = degrees_with(relief.roads, options.blend_m)
             shares = [0.0]
 

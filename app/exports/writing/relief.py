@@ -80,17 +80,19 @@ class Relief:
 
 
 @contextmanager
-def relief_of(source: Source, options: ReliefOptions, *, whole: bool) -> Iterator[Relief]:
+def relief_of(
+    source: Source, options: ReliefOptions, *, whole: bool, one_post: bool = False
+) -> Iterator[Relief]:
     """The corrected model for as long as its rasters are open; ``RoadsError`` where no height of a road is known.
 
-    ``whole``: posts are whole metres.
+    ``whole``: posts are whole metres; ``one_post``: for who takes one post for a place.
     """
     from fusion.terrain.corrected.fit import CorrectedTerrain, Rule  # noqa: PLC0415 - compilers and scipy
 
     roads = _roads(source, options.most_sigma_m)
     if not len(roads):
         raise RoadsError(say("export.no_road_heights", most_m=options.most_sigma_m))
-    rule = Rule(options.blend_m, upper=options.crossings is Crossings.UPPER, whole=whole)
+    rule = Rule(options.blend_m, options.crossings is Crossings.UPPER, one_post, whole)
     with source.ground() as dem:
         terrain = CorrectedTerrain(dem, roads, rule)
         datum = source.ground_datum()

@@ -32,7 +32,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
-from fusion.terrain.corrected.grids import PostGrid, posting_m
+from fusion.terrain.corrected.grids import ArcSeconds, PostGrid, posting_m
 from fusion.terrain.corrected.roads import (
     Places,
     RoadHeights,
@@ -49,6 +49,7 @@ NODE_SIGMA_M, PLACE_SIGMA_M = 0.03, 0.2
 """How near the interpolated surface comes to a road whose grade is known for sure, at its nodes and between them: most
 routers sample nodes, and between them the road is not known as well. With a grade known to 1 % it is twice as much."""
 NEAREST_SIGMA_M = 1.0
+ONE_POST_SIGMA_M = 0.1
 NEAREST_POSTINGS = 0.75
 """Posts so near a road are corrected as it is."""
 STEP_SIGMA_M = 3.0
@@ -72,6 +73,8 @@ class Rule:
     """So far beside roads the correction is blended out."""
     upper: bool = False
     """Where roads cross at different levels the upper one has the posts, else the one on the ground."""
+    one_post: bool = False
+    """For GraphHopper without interpolation: the post that it takes for a node of a road has the node's height."""
     whole: bool = False
     """Posts are whole metres, chosen together so that roads keep their slopes as far as that goes."""
 
@@ -172,12 +175,25 @@ class _Window:
         system = _System(self.shape, start, outside, band)
         sigma = np.where(samples.places.node, NODE_SIGMA_M, PLACE_SIGMA_M) * (1 + 100 * samples.places.sigma)
         system.add(samples.post, samples.weight, samples.places.height_m, sigma)
+        if rule.one_post and isinstance(self.grid, ArcSeconds):
+            post, road = self._one_posts(self.grid, samples.places)
+            taken = system.knows(post)
+            sigma = np.full(int(taken.sum()), ONE_POST_SIGMA_M)
+            system.add(post[taken, None], np.ones((len(sigma), 1)), road[taken], sigma)
         near = band[distance[band] <= NEAREST_POSTINGS * max(self.apart_m)]
         wanted = samples.beside(start, near, nearest[near])
         system.add(near[:, None], np.ones((len(near), 1)), wanted, np.full(len(near), NEAREST_SIGMA_M))
         height = outside.copy()
         height[band] = system.solution(samples.post if rule.whole else None)
         return Block(height.reshape(self.shape), change.reshape(self.shape))
+
+    def _one_posts(self, grid: ArcSeconds, places: Places) -> tuple[Ints, Floats]:
+        """Posts (k,) by number that stand for nodes of roads, and the heights of these nodes."""
+        nodes = places.take(places.node)
+        u, v = grid.one_post(nodes.lon_deg, nodes.lat_deg)
+        column, row = (u - self.columns.start).astype(np.int64), (v - self.rows.start).astype(np.int64)
+        inside = (column >= 0) & (row >= 0) & (column < self.shape[1]) & (row < self.shape[0])
+        return (row * self.shape[1] + column)[inside], nodes.height_m[inside]
 
     def _samples(self, roads: RoadHeights, rule: Rule) -> _Samples:
         places = places_along(roads, min(self.apart_m) / PLACES_A_POSTING)
@@ -231,6 +247,10 @@ class _System:
         misfit = (height_m - (weight * self._base[post]).sum(axis=1)) / sigma_m
         self._matrix = self._matrix + a.T @ a
         self._right += a.T @ misfit
+
+    def knows(self, post: Ints) -> Bools:
+        """Whether posts (m,) are in the band."""
+        return np.asarray(self._row[post] >= 0)
 
     def solution(self, cells: Ints | None) -> Floats:
         """Heights of the posts in the band; whole ones where ``cells``, four posts each, are given."""

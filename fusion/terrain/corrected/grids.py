@@ -42,6 +42,15 @@ class ArcSeconds:
         """See ``PostGrid``."""
         return columns / self.per_degree - 180.0, 90.0 - rows / self.per_degree
 
+    def one_post(self, lon_deg: Floats, lat_deg: Floats) -> tuple[Floats, Floats]:
+        """Column and row of the post that GraphHopper takes for a place without interpolation (``HeightTile``).
+
+        It divides a degree into one part more than there are steps between posts, and takes the part's own post.
+        """
+        n, lon, lat = self.per_degree, np.floor(lon_deg), np.floor(lat_deg)
+        east, north = (np.floor((n + 1) * w) for w in (lon_deg - lon, lat_deg - lat))
+        return (lon + 180) * n + east, (90 - lat) * n - north
+
 
 TILE_PIXELS = 256
 

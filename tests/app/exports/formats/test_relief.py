@@ -73,14 +73,15 @@ def test_a_router_that_reads_the_tile_knows_measured_slopes(
     assert np.median(np.abs(found - true)[measured]) < 0.15
 
 
-def test_other_routers_find_the_same_tile_in_their_own_way(
+def test_other_routers_find_the_tile_in_their_own_way(
     mapped: Mapped, tiles: tuple[Path, int, list[str]], tmp_path: Path
 ) -> None:
     tile = zipfile.ZipFile(tiles[0]).read("N47/N47E007.hgt")
     mapped.write("dem-hgt", tmp_path / "g.hgt.zip", router="graphhopper")
     inner = zipfile.ZipFile(io.BytesIO(zipfile.ZipFile(tmp_path / "g.hgt.zip").read("N47E007.hgt.zip")))
     assert inner.namelist() == ["N47E007.hgt"]
-    assert inner.read("N47E007.hgt") == tile
+    assert len(inner.read("N47E007.hgt")) == len(tile)
+    assert inner.read("N47E007.hgt") != tile, "without interpolation it takes one post for a node"
     mapped.write("dem-hgt", tmp_path / "b.hgt.zip", router="brouter", arc_seconds="3")
     assert len(zipfile.ZipFile(tmp_path / "b.hgt.zip").read("N47E007.hgt")) == 2 * 1201**2
     with pytest.raises(BadOptionsError, match="arc_seconds"):

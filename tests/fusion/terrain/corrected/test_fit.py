@@ -217,3 +217,32 @@ def test_where_a_way_of_a_bridge_ends_its_height_stays(corrected: Any) -> None:
         heights.append(heights_at(block, WEST + across[10, 0] / 3600, NORTH - 40.4 / 3600))
     one, two = heights
     assert two - one > 5
+
+
+def test_one_post_for_a_node_has_its_height(of_town: tuple[Dem, RoadHeights]) -> None:
+    """As GraphHopper takes it without interpolation: of 3601 parts of a degree the one that a place is in."""
+    dem, roads = of_town
+    columns, rows = _window(GRID, roads)
+    on_ground = roads.take(~roads.structure & (roads.length_m > 40))
+
+    def error(wanted: RoadHeights, *, one_post: bool) -> float:
+        z = (
+            CorrectedTerrain(dem, wanted, Rule(one_post=one_post, whole=True))
+            .block(GRID, columns, rows)
+            .height_m
+        )
+
+        def at(lon: Any, lat: Any) -> Any:
+            east, north = (np.floor(3601 * (w - np.floor(w))).astype(int) for w in (lon, lat))
+            column = (np.floor(lon).astype(int) + 180) * 3600 + east - columns.start
+            return z[(90 - np.floor(lat).astype(int)) * 3600 - north - rows.start, column]
+
+        rise = at(on_ground.lon1_deg, on_ground.lat1_deg) - at(on_ground.lon0_deg, on_ground.lat0_deg)
+        misfit = (rise - on_ground.height_to_m + on_ground.height_from_m) / on_ground.length_m
+        return float(np.sqrt(np.nanmean(misfit**2)))
+
+    before, other, after = (
+        error(w, one_post=p) for w, p in ((RoadHeights.empty(), False), (roads, False), (roads, True))
+    )
+    assert after < 0.6 * other < 0.6 * before
+    assert after < 0.4 * before
