@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from fusion.terrain.corrected.roads import RoadHeights
 
 _AT_ONCE = 10_000
+HALF_TURN_DEG = 180.0
 _COLUMNS = (
     "length_m",
     "height_from_m",
@@ -118,8 +119,9 @@ def _roads(source: Source, most_sigma_m: float) -> RoadHeights:
 
 def _is_known(segment: Segment, most_sigma_m: float) -> bool:
     heights = (segment.height_from_m, segment.height_to_m, segment.slope_sigma_percent)
-    sigma = segment.height_sigma_m
-    return all(map(_is_number, heights)) and sigma is not None and sigma <= most_sigma_m
+    sigma, (west, east) = segment.height_sigma_m, (segment.coordinates[0][0], segment.coordinates[-1][0])
+    on_one_side = abs(east - west) < HALF_TURN_DEG  # tiles end at the antimeridian
+    return on_one_side and all(map(_is_number, heights)) and sigma is not None and sigma <= most_sigma_m
 
 
 def _is_number(value: float | None) -> bool:

@@ -48,11 +48,11 @@ class Layout(StrEnum):
 def degrees_with(roads: RoadHeights, beside_m: float) -> list[tuple[int, int]]:
     """The tiles of a degree (latitude and longitude of the south-west corner) that roads reach, from south-west on.
 
-    ``beside_m``: so far beside a road a tile is touched as well; a road across the antimeridian touches none.
+    ``beside_m``: so far beside a road a tile is touched as well.
     """
     west, south, east, north = _boxes(roads, beside_m)
     west, south, last, top = (np.floor(w) for w in (west, south, east, north))
-    corners = np.unique(np.column_stack([south, west, top, last])[last - west < 180].astype(int), axis=0)
+    corners = np.unique(np.column_stack([south, west, top, last]).astype(int), axis=0)
     found = {
         (y, x)
         for south, west, top, last in corners.tolist()

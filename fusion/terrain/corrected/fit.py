@@ -18,7 +18,7 @@ or tunnel has no say within a posting of another road on the ground, or of a hig
 elsewhere its deck lies over the valley. By the rule ``upper`` the upper road has the posts. Roads on the ground share
 them.
 
-Posts are solved in blocks, each with a margin; seams agree to millimetres, since roads pin the surface.
+Posts are solved in blocks, each with a margin; seams agree to a centimetre, since roads pin the surface.
 """
 
 from __future__ import annotations

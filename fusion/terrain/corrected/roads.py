@@ -32,6 +32,7 @@ class RoadHeights(ColumnTable):
 
     ``steepest_percent`` over [``steepest_from_m``, ``steepest_to_m``] is NaN where it is not known;
     ``slope_sigma_percent`` is one standard deviation. ``structure``: a bridge or in a tunnel; ``way``: OpenStreetMap's.
+    None crosses the antimeridian.
     """
 
     lon0_deg: Floats

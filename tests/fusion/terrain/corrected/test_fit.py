@@ -11,6 +11,7 @@ from affine import Affine
 
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.dem_file import write_dem
+from fusion.terrain.corrected import blocks
 from fusion.terrain.corrected.fit import Block, Change, CorrectedTerrain, Rule
 from fusion.terrain.corrected.grids import ArcSeconds, MercatorPixels, PostGrid, posting_m
 from fusion.terrain.corrected.roads import RoadHeights
@@ -246,3 +247,22 @@ def test_one_post_for_a_node_has_its_height(of_town: tuple[Dem, RoadHeights]) ->
     )
     assert after < 0.6 * other < 0.6 * before
     assert after < 0.4 * before
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_blocks_agree_where_they_meet(
+    of_town: tuple[Dem, RoadHeights], monkeypatch: pytest.MonkeyPatch, whole: bool
+) -> None:
+    """Small ones make the same surface as a large one; whole metres are chosen by the block."""
+    dem, roads = of_town
+    columns, rows = _window(GRID, roads)
+    one = CorrectedTerrain(dem, roads, Rule(whole=whole)).block(GRID, columns, rows)
+    monkeypatch.setattr(blocks, "SIDE_POSTS", 40)
+    many = blocks.Blocks(CorrectedTerrain(dem, roads, Rule(whole=whole)), GRID).window(columns, rows)
+    assert (one.change == many.change).all()
+    apart = np.abs(one.height_m - many.height_m)
+    if whole:
+        assert np.nanquantile(apart, 0.95) == 0
+    else:
+        assert np.nanmax(apart) < 0.02
+        assert np.nanmean(apart) < 1e-3
