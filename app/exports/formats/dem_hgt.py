@@ -78,7 +78,13 @@ class DemHgt(Format):
                 relief.terrain, ArcSeconds(options.arc_seconds), lambda: source.on_progress(shares[0])
             )
             text = about(stated, relief, options)
-            return write_hgt(path, blocks, tiles, Layout(options.router.value), text, progress)
+            void = write_hgt(path, blocks, tiles, Layout(options.router.value), text, progress)
+            if void:
+                source.note(
+                    f"{len(void)} of {len(tiles)} tiles hold voids, for no imported raster covers all of them, such as "
+                    f"{void[0]}: where a router has tiles with more, do not put these over them."
+                )
+            return len(tiles)
 
     def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:
         """None: the archive has a text."""

@@ -118,14 +118,20 @@ def write_hgt(
     layout: Layout,
     about: str,
     progress: Progress = no_progress,
-) -> int:
-    """Write an archive (zip) of the tiles, ``changed/N49E008.tif`` for each, and README.txt; how many tiles."""
+) -> list[str]:
+    """Write an archive (zip) of the tiles, ``changed/N49E008.tif`` for each, and README.txt.
+
+    The names of the tiles that hold voids: the model does not reach over all of them.
+    """
+    void = []
     with zipfile.ZipFile(path, "w") as archive:
         _put(archive, "README.txt", about.encode())
         for done, (lat, lon) in enumerate(tiles):
             progress("tiles", done / len(tiles))
             name = tile_name(lat, lon)
             heights, changed = hgt_bytes(blocks, lat, lon)
+            if (np.frombuffer(heights, ">i2") == HGT_VOID).any():
+                void.append(name)
             if layout is Layout.GRAPHHOPPER:
                 packed = io.BytesIO()
                 with zipfile.ZipFile(packed, "w") as inner:
@@ -136,7 +142,7 @@ def write_hgt(
                     archive, f"{name[:3]}/{name}.hgt" if layout is Layout.VALHALLA else f"{name}.hgt", heights
                 )
             _put(archive, f"changed/{name}.tif", changed)
-    return len(tiles)
+    return void
 
 
 def _put(archive: zipfile.ZipFile, name: str, data: bytes) -> None:

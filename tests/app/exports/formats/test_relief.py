@@ -66,6 +66,7 @@ def test_a_router_that_reads_the_tile_knows_measured_slopes(
     assert "Roads © OpenStreetMap contributors" in text and "EGM96" in text
     assert set(np.unique(change)) >= {0, 1, 2}
     assert any("EGM96" in note and "taken off" in note for note in notes)
+    assert any("1 of 1 tiles hold voids" in note for note in notes), "the raster covers the town alone"
     town = mapped.town
     measured = (town.roads.osm_way_id % 4 >= 2) & ~town.roads.bridge & ~town.roads.tunnel
     found, true = slopes_of(tile, town)
