@@ -45,6 +45,8 @@ class Collected:
         self.true: list[Sequence[float]] = []
         self.found: tuple[list[Sequence[float]], list[Sequence[float]]] = ([], [])
         self.facts: list[tuple[bool, bool, bool, bool]] = []
+        self.places: list[list[float]] = []
+        self.runs_m: list[float] = []
 
     def errors(self, column: int) -> Errors:
         """Of one kind of grade."""

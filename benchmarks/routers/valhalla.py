@@ -54,6 +54,8 @@ from routers.samplers import HgtTile, samplers, stations_m, valhalla_grades
 BANK_M = 1.0
 STEP_M = 30.0
 LEAST_M = 20.0
+PLACES_AT_ONCE = 1500
+"""A request is an argument of a program, which is bounded."""
 OFF_ROAD_M = 3.0
 """Places of an edge farther from the made roads are not of them."""
 COLUMNS = {"what": ("what", ""), "where": ("where", ""), "n": ("n", "d"), "before": ("before %", ".2f"),
@@ -215,6 +217,8 @@ def _driven(scene: Scene, folder: Path, measured: Bools, asked: argparse.Namespa
         tries += 1
         show_progress(f"route {done + 1} of {asked.routes}")
         done += _route(valhalla, places, scene, chance, edges, steps)
+    show_progress("heights")
+    _ask_heights(valhalla, steps)
     return [
         *edges.errors(0).rows("weighted_grade"),
         *edges.errors(1).rows("max_upward_grade"),
@@ -247,12 +251,11 @@ def _route(
         return False
     line = decoded(traced[0]["shape"])
     for before, after in list(zip(traced[0]["edges"], traced[1]["edges"], strict=True))[1:-1]:
-        _edge(valhalla, places, scene, line, (before, after), (edges, steps))
+        _edge(places, scene, line, (before, after), (edges, steps))
     return True
 
 
 def _edge(
-    valhalla: Valhalla,
     places: Places,
     scene: Scene,
     line: Floats,
@@ -280,40 +283,44 @@ def _edge(
     edges.facts.append(facts)
     for found, one in zip(edges.found, both, strict=True):
         found.append((one["weighted_grade"], one["max_upward_grade"]))
-    _steps(valhalla, places, edge["way_id"], (along, shape), facts, steps)
+    _steps(places, edge["way_id"], (along, shape), facts, steps)
 
 
 def _steps(
-    valhalla: Valhalla,
     places: Places,
     way: int,
     edge: tuple[Floats, Floats],
     facts: tuple[bool, bool, bool, bool],
     steps: Collected,
 ) -> None:
-    """Grades of ``/height`` from place to place."""
+    """Where heights are to be asked for along an edge, and the true grades between."""
     along, shape = edge
     if along[-1] < STEP_M:
         return
     count = int(along[-1] // STEP_M)
     stations = np.linspace(0, along[-1], count + 1)
-    lon, lat = (np.interp(stations, along, shape[:, k]) for k in range(2))
+    lon, lat = (np.interp(stations, along, shape[:, k]).round(7) for k in range(2))
     known = places.on(way, lon, lat)
     if known is None:
         return
     run = along[-1] / count
-    asked = {
-        "shape": [{"lat": a, "lon": b} for a, b in zip(lat.tolist(), lon.tolist(), strict=True)],
-        "height_precision": 2,
-    }
-    found = [valhalla.ask(f"tiles-{name}", "height", asked).get("height") for name in ("before", "after")]
-    if any(one is None for one in found):
-        return
-    for rise in np.diff(known[1]).tolist():
-        steps.true.append((100 * rise / run,))
-        steps.facts.append(facts)
-    for kept, heights in zip(steps.found, found, strict=True):
-        kept += [(100 * rise / run,) for rise in np.diff(np.array(heights, float)).tolist()]
+    steps.true += [(100 * rise / run,) for rise in np.diff(known[1]).tolist()]
+    steps.facts += [facts] * count
+    steps.runs_m += [run] * count
+    ends = np.column_stack([lon[:-1], lat[:-1], lon[1:], lat[1:]])
+    steps.places += ends.reshape(-1, 2).tolist()
+
+
+def _ask_heights(valhalla: Valhalla, steps: Collected) -> None:
+    """The grades that ``/height`` has between pairs of places."""
+    for name, kept in zip(("before", "after"), steps.found, strict=True):
+        heights: list[float] = []
+        for first in range(0, len(steps.places), PLACES_AT_ONCE):
+            part = steps.places[first : first + PLACES_AT_ONCE]
+            asked = {"shape": [{"lat": lat, "lon": lon} for lon, lat in part], "height_precision": 2}
+            heights += valhalla.ask(f"tiles-{name}", "height", asked)["height"]
+        rise = np.diff(np.array(heights, float).reshape(-1, 2), axis=1)[:, 0]
+        kept += [(grade,) for grade in (100 * rise / np.array(steps.runs_m)).tolist()]
 
 
 if __name__ == "__main__":
