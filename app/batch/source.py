@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -35,6 +36,9 @@ class SolvedSource:
         """Tell a person something about what is written, as one sentence."""
         self.notes.append(text)
 
+    def on_progress(self, share: float) -> None:
+        """Nobody waits for a share of one file."""
+
     def asked_segments(self) -> Iterator[Segment]:
         """All of them."""
         return segments_of(self.solution, self.newest)
@@ -55,6 +59,11 @@ class SolvedSource:
     def extent(self) -> Bounds:
         """The box of all segments, degrees."""
         return self.solution.roads.bounds_deg() if len(self.solution) else (0.0, 0.0, 0.0, 0.0)
+
+    @contextmanager
+    def ground(self) -> Iterator[Dem | None]:
+        """The rasters as one model; None without any."""
+        yield self.terrain()
 
     def ground_heights(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
         """Of the ground by the rasters, m; NaN unknown; shapes (n,)."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -26,6 +27,9 @@ from app.roads.store import Region, all_regions
 from app.terrain.store import current_dem
 from fusion.errors import RoadsError
 from fusion.types import Floats
+
+if TYPE_CHECKING:
+    from fusion.terrain.dem import Dem
 
 PARTS_APART = 1000
 """Records after which it is looked how far an export is, and whether it is to go on."""
@@ -161,15 +165,24 @@ class Source:
         newest_first = sorted(regions, key=lambda region: (region.imported_at, region.id), reverse=True)
         return tuple(kept_file(self.place, region) for region in newest_first)
 
-    def ground_heights(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
-        """Of the ground by the active elevation rasters, m, above their own datum; NaN unknown; shapes (n,)."""
+    @contextmanager
+    def ground(self) -> Iterator[Dem | None]:
+        """The active elevation rasters as one model, for as long as they are open; None without any."""
         from app.terrain.heights import open_dem  # noqa: PLC0415 - with it compilers and rasterio are loaded
 
         active = current_dem(self.session, self.place)
-        if active is None or not len(lon_deg):
-            return np.full(len(lon_deg), np.nan)
+        if active is None:
+            yield None
+            return
         with open_dem(active) as dem:
-            return dem.heights(lon_deg, lat_deg)
+            yield dem
+
+    def ground_heights(self, lon_deg: Floats, lat_deg: Floats) -> Floats:
+        """Of the ground by the active elevation rasters, m, above their own datum; NaN unknown; shapes (n,)."""
+        if not len(lon_deg):
+            return np.full(0, np.nan)
+        with self.ground() as dem:
+            return np.full(len(lon_deg), np.nan) if dem is None else dem.heights(lon_deg, lat_deg)
 
     def ground_datum(self) -> str | None:
         """What these refer to, as it was stated when the rasters were imported; None without any."""

@@ -13,6 +13,9 @@ from app.core.messages import say
 from app.core.text import whole_file
 from app.exports.format import SEGMENTS, Format, TableFormat, statements
 from app.exports.formats.csv_table import Csv, WayCsv
+from app.exports.formats.dem_geotiff import DemGeoTiff
+from app.exports.formats.dem_hgt import DemHgt
+from app.exports.formats.dem_terrarium import DemTerrarium
 from app.exports.formats.flatgeobuf import FlatGeobuf
 from app.exports.formats.geojson import GeoJson
 from app.exports.formats.geoparquet import GeoParquet, WayParquet
@@ -44,6 +47,9 @@ for _format in (
     OpenSidewalks(),
     MapRoulette(),
     Josm(),
+    DemHgt(),
+    DemGeoTiff(),
+    DemTerrarium(),
 ):
     FORMATS.add(_format.name, _format)
 

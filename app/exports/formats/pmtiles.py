@@ -29,7 +29,9 @@ ROOT_ENDS_AT = 16_384
 HEADER = struct.Struct("<7sB11Q6B4iB2i")
 ENTRIES_PER_LEAF = 4096
 GZIP_LEVEL = 6
-_GZIP, _MVT, _CLUSTERED = 2, 1, 1
+_AS_IT_IS, _GZIP, _CLUSTERED = 1, 2, 1
+MVT, PNG = 1, 2
+"""Kinds of tiles."""
 _E7 = 10_000_000
 
 
@@ -45,8 +47,9 @@ class _Entry:
 
 @dataclass
 class _Contents:
-    """Where the bytes of tiles are, by their hash."""
+    """Where the bytes of tiles are, by their hash; whether they are gzipped."""
 
+    gzipped: bool = True
     entries: list[_Entry] = field(default_factory=list)
     places: dict[bytes, tuple[int, int]] = field(default_factory=dict)
     addressed: int = 0
@@ -60,7 +63,7 @@ class _Contents:
         key = hashlib.sha256(data).digest()[:16]
         packed = b""
         if key not in self.places:
-            packed = packed_gzip(data)
+            packed = packed_gzip(data) if self.gzipped else data
             self.places[key] = (self.size, len(packed))
             self.size += len(packed)
         offset, length = self.places[key]
@@ -97,12 +100,13 @@ def write_pmtiles(
     metadata: Mapping[str, Any],
     zooms: tuple[int, int],
     bounds_deg: tuple[float, float, float, float],
+    kind: int = MVT,
 ) -> int:
-    """Write an archive of vector tiles (not compressed yet), which come by ascending number; returns how many.
+    """Write an archive of tiles, which come by ascending number; returns how many. Vector tiles are compressed here.
 
     Memory: some 200 bytes a tile. ``bounds_deg``: west, south, east, north of what is in it.
     """
-    contents = _Contents()
+    contents = _Contents(gzipped=kind == MVT)
     with path.open("wb") as file:
         file.seek(ROOT_ENDS_AT)  # the directory is known at the end, and has to be at the beginning
         for tile, data in tiles:
@@ -117,7 +121,7 @@ def write_pmtiles(
         sections = (HEADER.size, len(root), after, len(packed_metadata), end, len(leaves))
         tile_data = (ROOT_ENDS_AT, contents.size)
         counts = (contents.addressed, len(contents.entries), len(contents.places))
-        kinds = (_CLUSTERED, _GZIP, _GZIP, _MVT)
+        kinds = (_CLUSTERED, _GZIP, _GZIP if contents.gzipped else _AS_IT_IS, kind)
         west, south, east, north = bounds_deg
         corners = [round(value * _E7) for value in bounds_deg]
         centre = [round((a + b) / 2 * _E7) for a, b in ((west, east), (south, north))]

@@ -46,7 +46,7 @@ def terrain(raster: Path) -> Dem:
 def test_every_format_is_written(tmp_path: Path) -> None:
     town = write_all(tmp_path / "town", 1, seed=1, duration_s=60.0)
     with terrain(town.dem) as dem:
-        fusion = Fusion("raw", parse_options("raw"), read_roads(town.osm), dem)
+        fusion = Fusion("profile", parse_options("profile"), read_roads(town.osm), dem)
         fusion.add(town.drives[0])
         solution = fusion.solve().solution
         written = []

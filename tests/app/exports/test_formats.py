@@ -16,6 +16,7 @@ import geopandas
 import pyarrow.parquet as pq
 import pyogrio
 import pytest
+import rasterio
 from pmtiles.reader import MmapSource, Reader, all_tiles
 from sqlalchemy import text
 from typer.testing import CliRunner
@@ -255,7 +256,7 @@ def test_a_region_that_is_asked_for_is_all_there_is(
 def test_the_origin_is_inside_or_beside(
     pair: list[tuple[Sessions, Settings]], tmp_path: Path, name: str
 ) -> None:
-    path, made = make(*pair[0], name, tmp_path / "out", bbox=(8.3, 48.9, 8.5, 49.1))
+    path, made = make(*pair[0], name, tmp_path / "out", bbox=(7.8, 47.9, 8.5, 49.1))
     said: Any
     if path.suffix == ".parquet":
         said = pq.read_metadata(path).metadata[b"provenance"]
@@ -264,6 +265,10 @@ def test_the_origin_is_inside_or_beside(
         said = layer["provenance"]
         assert layer["DESCRIPTION"] == made.provenance["attribution"]
         assert layer["changed_at"] == made.provenance["changed_at"]
+    elif path.suffix == ".tif":
+        with rasterio.open(path) as raster:
+            said = raster.tags()["PROVENANCE"]
+            assert raster.tags()["ATTRIBUTION"] == made.provenance["attribution"]
     elif path.suffix == ".geojson":
         said = json.dumps(json.loads(path.read_text())["provenance"])
     elif path.suffix == ".csv":

@@ -1,0 +1,1 @@
+"""Elevation models in which roads have the heights that were measured on them."""
