@@ -37,7 +37,7 @@ import numpy as np
 
 from accuracy.scoring import show_progress, text_table, write_json
 from app.batch.source import SolvedSource
-from app.cli.fuse_files import Fusion
+from app.cli.logs.fusing import Fusion
 from app.exports.formats import FORMATS
 from app.exports.source import Source
 from fusion.pipeline import parse_options
