@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
+from app.core.messages import say
 from app.exports.format import ALL_FILTERS, Format, Stated
 from app.exports.writing.relief import ArcSecond, ReliefOptions, about, relief_of
 
@@ -80,10 +81,7 @@ class DemHgt(Format):
             text = about(stated, relief, options)
             void = write_hgt(path, blocks, tiles, Layout(options.router.value), text, progress)
             if void:
-                source.note(
-                    f"{len(void)} of {len(tiles)} tiles hold voids, for no imported raster covers all of them, such as "
-                    f"{void[0]}: where a router has tiles with more, do not put these over them."
-                )
+                source.note(say("export.void_tiles", n=len(void), all=len(tiles), name=str(void[0])))
             return len(tiles)
 
     def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:

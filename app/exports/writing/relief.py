@@ -98,12 +98,9 @@ def relief_of(
         terrain = CorrectedTerrain(dem, roads, rule)
         datum = source.ground_datum()
         if dem is None:
-            source.note("No elevation model is imported: posts away from measured roads are void.")
+            source.note(say("export.no_ground"))
         else:
-            source.note(
-                f"{len(roads)} segments correct the model, in its own datum ({datum}); heights of roads were "
-                f"{terrain.offset_m:.2f} m above it, which was taken off."
-            )
+            source.note(say("export.corrected", n=len(roads), datum=datum, offset_m=terrain.offset_m))
         yield Relief(terrain, roads, datum)
 
 

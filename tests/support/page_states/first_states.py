@@ -157,6 +157,7 @@ def documentation_that_was_searched(look: Look) -> None:
 def the_address_of_a_phone(look: Look) -> None:
     """What is to be typed and where, a code to scan, and that nothing has come yet."""
     look.go("/phones")
+    look.page.get_by_text(look.like("phones.here_only")).wait_for()
     look.page.get_by_label(look.t("phones.label")).fill("pixel")
     look.page.get_by_role("button", name=look.t("phones.make"), exact=True).click()
     look.page.get_by_role("img", name=look.t("phones.scan")).wait_for()

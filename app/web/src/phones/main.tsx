@@ -10,6 +10,9 @@ import { Making } from "./Making";
 import { LOOK_EVERY_MS, load, look, problem } from "./state";
 import "./phones.css";
 
+/** Names of this machine that mean another one on a phone. */
+const HERE_ONLY = /^(localhost|127\.|\[::1\])/;
+
 function Content() {
   useEffect(() => {
     void load();
@@ -20,6 +23,9 @@ function Content() {
     <Page name="phones">
       <h1>{t("phones.title")}</h1>
       <p class="intro">{t("phones.what")}</p>
+      {HERE_ONLY.test(location.hostname) && (
+        <p class="card warn-text">{t("phones.here_only", { host: location.host })}</p>
+      )}
       {session()?.access === "open" && <p class="card warn-text">{t("phones.open")}</p>}
       {problem.value !== null ? (
         <div class="card" role="alert">
