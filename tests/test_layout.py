@@ -177,7 +177,8 @@ def test_files_are_no_fragments_on_the_whole() -> None:
 
 def test_no_folder_is_a_crowd() -> None:
     files = Counter(path.parent for package in ("fusion", "app", "benchmarks") for path in sources(package))
-    assert {str(folder): n for folder, n in files.items() if n > MOST_FILES_IN_A_FOLDER} == {}
+    crowds = {str(folder): n for folder, n in files.items() if n > MOST_FILES_IN_A_FOLDER}
+    assert crowds == {}, f"more than {MOST_FILES_IN_A_FOLDER} files: give those of one kind a folder"
 
 
 def test_every_module_says_what_it_is_for() -> None:

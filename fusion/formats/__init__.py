@@ -10,8 +10,6 @@ from typing import BinaryIO
 from fusion.errors import EmptyLogError, LogError, MalformedLogError, UnknownFormatError
 from fusion.formats.base import LogFormat, Notes, refuse_many
 from fusion.formats.container import Member, is_zip, load, members, refuse, shown_name
-from fusion.formats.csv_log import NamedColumnsCsv
-from fusion.formats.csv_table import TakenColumn, taken_columns
 from fusion.formats.fit.log import FitFormat
 from fusion.formats.glance import HEAD_BYTES, Ends, Glance
 from fusion.formats.gpx import GpxFormat
@@ -23,6 +21,8 @@ from fusion.formats.phones.sensor_logger import SensorLoggerFormat
 from fusion.formats.pseudoranges_csv import PseudorangesCsvFormat
 from fusion.formats.rinex.log import RinexFormat
 from fusion.formats.rtklib_pos import RtklibPosFormat
+from fusion.formats.tables.log import NamedColumnsCsv
+from fusion.formats.tables.table import TakenColumn, taken_columns
 from fusion.formats.tcx import TcxFormat
 from fusion.formats.torque import TorqueFormat
 from fusion.formats.ubx import UbxFormat

@@ -9,10 +9,10 @@ from functools import cache
 import numpy as np
 
 from fusion.errors import EmptyLogError
-from fusion.formats import csv_header
 from fusion.formats.base import Data, LogFormat, Notes, build_log, is_possible_time, positive
-from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_names import Schema
+from fusion.formats.tables import header as csv_header
+from fusion.formats.tables.cells import Block, read_blocks
+from fusion.formats.tables.names import Schema
 from fusion.messages import say
 from fusion.signals import (
     CARRIER_HZ,

@@ -13,7 +13,7 @@ import numpy as np
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log, positive, usable_positions
-from fusion.formats.csv_cells import plain_columns
+from fusion.formats.tables.cells import plain_columns
 from fusion.formats.time_texts import times_of
 from fusion.frames import geodetic
 from fusion.messages import say

@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from fusion.formats.csv_header import COLUMNS, from_utf16, header_of
-from fusion.formats.csv_log import DEVICE_AXES, DEVICE_TIME, NamedColumnsCsv
-from fusion.formats.csv_names import Cell, Known, Schema, known_columns
+from fusion.formats.tables.header import COLUMNS, from_utf16, header_of
+from fusion.formats.tables.log import DEVICE_AXES, DEVICE_TIME, NamedColumnsCsv
+from fusion.formats.tables.names import Cell, Known, Schema, known_columns
 from fusion.messages import say
 
 _MARKS = re.compile(

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from fusion.formats.csv_header import COLUMNS, from_utf16, header_of
-from fusion.formats.csv_log import NamedColumnsCsv
-from fusion.formats.csv_names import GPS_TIME, Schema
 from fusion.formats.phones.gnsslogger import has_log_header
 from fusion.formats.phones.sensor_logger import is_sensor_logger
 from fusion.formats.pseudoranges_csv import PSEUDORANGE
+from fusion.formats.tables.header import COLUMNS, from_utf16, header_of
+from fusion.formats.tables.log import NamedColumnsCsv
+from fusion.formats.tables.names import GPS_TIME, Schema
 from fusion.formats.torque import is_vehicle_log
 from fusion.messages import say
 

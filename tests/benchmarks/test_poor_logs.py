@@ -14,7 +14,7 @@ from accuracy.poor import RUNGS
 from accuracy.scoring import Errors
 from accuracy.sequences import NOISE_FREE
 from accuracy.truth import TrueSlope, Truth
-from fusion.formats.csv_header import COLUMNS
+from fusion.formats.tables.header import COLUMNS
 
 TRUTH: Truth = {(1, 1, 2): TrueSlope(2.0, 10.0, 10.0), (1, 2, 3): TrueSlope(-4.0, 50.0, 50.0)}
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.formats.base import Notes, is_possible_time, positive
-from fusion.formats.csv_cells import ABSENT
 from fusion.formats.phones.log_lines import WHOLE, Table
+from fusion.formats.tables.cells import ABSENT
 from fusion.messages import say
 from fusion.signals import (
     BEIDOU,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fusion.formats.base import Notes
-from fusion.formats.csv_cells import plain_columns
+from fusion.formats.tables.cells import plain_columns
 from fusion.messages import say
 from fusion.types import Ints
 

@@ -17,7 +17,6 @@ from typing import Self
 import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats import csv_header
 from fusion.formats.base import (
     Data,
     EitherWay,
@@ -27,8 +26,9 @@ from fusion.formats.base import (
     is_possible_time,
     usable_positions,
 )
-from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_names import Known, Schema, known_columns
+from fusion.formats.tables import header as csv_header
+from fusion.formats.tables.cells import Block, read_blocks
+from fusion.formats.tables.names import Known, Schema, known_columns
 from fusion.formats.time_texts import of_epoch
 from fusion.messages import say
 from fusion.types import DeviceMotion, DriveLog, Floats, Pressure, Progress, SensorTable, ThreeAxes

@@ -92,7 +92,8 @@ def test_the_languages_have_the_same_keys_with_the_same_parameters() -> None:
     english = catalogue("en")
     for language in LANGUAGES[1:]:
         other = catalogue(language)
-        assert set(other) == set(english)
+        lacking = sorted(set(english) ^ set(other))
+        assert lacking == [], f"fusion/catalogues or app/core/messages: add these keys to {language}.json"
         assert {key: names(other[key]) ^ names(english[key]) for key in KEYS} == {key: set() for key in KEYS}
 
 
@@ -128,7 +129,8 @@ def test_reasons_for_leaving_something_out_and_other_fixed_words_are_in_every_la
     for section in guides.sections():
         fixed |= {section.title, *(one.title for name, _ in section.pages if (one := guides.guide(name)))}
         fixed |= {sentence for _, sentence in section.pages}
-    assert fixed - set(catalogue("de")[TERMS]) == set()
+    lacking = sorted(fixed - set(catalogue("de")[TERMS]))
+    assert lacking == [], "add these under terms of fusion/catalogues/de.json or app/core/messages/de.json"
 
 
 def test_what_is_to_be_chosen_is_described_in_every_language() -> None:

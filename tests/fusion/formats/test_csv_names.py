@@ -7,7 +7,7 @@ import pytest
 
 from fusion.errors import BadOptionsError, MalformedLogError
 from fusion.formats import read_log, read_logs
-from fusion.formats.csv_cells import NO_OFFSET
+from fusion.formats.tables.cells import NO_OFFSET
 from fusion.types import DriveLog
 
 TIMES = [f"2018-05-04T15:34:{20 + k}Z" for k in range(20)]

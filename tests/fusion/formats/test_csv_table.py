@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fusion.formats import FORMATS, columns_of, read_log
-from fusion.formats.csv_names import NOT_USED
+from fusion.formats.tables.names import NOT_USED
 
 HEADER = "Timestamp,Latitude,Longitude,Altitude (ft),Speed,Ellipsoid Height,foo,Latitude,"
 ROWS = [f"2026-01-01T00:00:0{k}Z,49.000{k},8.4,{1000 + k},,{'' if k < 2 else 340 + k},x,1," for k in range(9)]

@@ -23,6 +23,7 @@ from garmin_files import drive_fit, gpx, tcx, track
 from gnss_tables import some_navigation, some_signals
 from log_samples import (
     SAMPLES,
+    Samples,
     csv,
     drive_gnsslogger,
     drive_nmea,
@@ -35,20 +36,23 @@ from log_samples import (
 
 EPOCHS = 400
 LEAP_S = 20.0
-LONG = SAMPLES | {
-    "csv": csv(EPOCHS),
-    "fit": drive_fit(EPOCHS),
-    "gnsslogger": drive_gnsslogger(EPOCHS),
-    "gpx": gpx(EPOCHS),
-    "nmea": drive_nmea(EPOCHS),
-    "pseudoranges-csv": pseudoranges_csv(some_signals(1, 60)),
-    "rinex": rinex_file.observations(some_signals(1, 60)).encode(),
-    "rtklib-pos": rtklib_pos(EPOCHS),
-    "sensor-logger": sensor_logger(EPOCHS),
-    "tcx": tcx([[track(0, 100), track(200, 100)]]),
-    "torque": torque(EPOCHS),
-    "ubx": drive_ubx(EPOCHS),
-}
+LONG = Samples(
+    SAMPLES
+    | {
+        "csv": csv(EPOCHS),
+        "fit": drive_fit(EPOCHS),
+        "gnsslogger": drive_gnsslogger(EPOCHS),
+        "gpx": gpx(EPOCHS),
+        "nmea": drive_nmea(EPOCHS),
+        "pseudoranges-csv": pseudoranges_csv(some_signals(1, 60)),
+        "rinex": rinex_file.observations(some_signals(1, 60)).encode(),
+        "rtklib-pos": rtklib_pos(EPOCHS),
+        "sensor-logger": sensor_logger(EPOCHS),
+        "tcx": tcx([[track(0, 100), track(200, 100)]]),
+        "torque": torque(EPOCHS),
+        "ubx": drive_ubx(EPOCHS),
+    }
+)
 
 
 def agree(glance: Glance, whole: Glance, within_s: float) -> bool:

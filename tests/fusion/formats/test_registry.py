@@ -37,6 +37,7 @@ def test_every_format_advises_in_one_sentence(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(FORMATS))
 def test_recognises_its_own_sample_and_no_other(samples: dict[str, bytes], name: str) -> None:
+    assert FORMATS[name].recognises(samples[name])  # a format without a sample is told so
     assert [n for n, sample in samples.items() if FORMATS[name].recognises(sample)] == [name]
 
 

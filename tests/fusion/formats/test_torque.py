@@ -9,7 +9,7 @@ import pytest
 
 from fusion.errors import MalformedLogError
 from fusion.formats import FORMATS, read_log
-from fusion.formats.csv_cells import NO_OFFSET
+from fusion.formats.tables.cells import NO_OFFSET
 
 HEADER = "GPS Time, Device Time, Longitude, Latitude,GPS Speed (Meters/second), Altitude, Bearing"
 MIDNIGHT_S = 1_520_208_000.0  # 2018-03-05

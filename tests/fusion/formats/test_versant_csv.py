@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats import csv_cells, read_log
-from fusion.formats.csv_header import COLUMNS
+from fusion.formats import read_log
+from fusion.formats.tables import cells as csv_cells
+from fusion.formats.tables.header import COLUMNS
 
 ALL = (
     "time_s,lat_deg,lon_deg,alt_msl_m,height_ell_m,h_acc_m,v_acc_m,vel_n_mps,vel_e_mps,vel_d_mps,s_acc_mps,speed_mps,"

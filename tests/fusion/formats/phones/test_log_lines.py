@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fusion.formats.base import Notes
-from fusion.formats.csv_cells import ABSENT
 from fusion.formats.phones.log_lines import LogLines
+from fusion.formats.tables.cells import ABSENT
 
 HEAD = b"# notes\n# Raw,TimeNanos,Cn0DbHz,CodeType,State\n#\n# Fix,Provider,Latitude\n"
 WANTED = ("TimeNanos", "Cn0DbHz", "State", "Svid")

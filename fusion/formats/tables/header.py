@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from fusion.errors import MalformedLogError
-from fusion.formats import csv_names
 from fusion.formats.base import Notes
-from fusion.formats.csv_names import DATE, Cell, Known, Schema
+from fusion.formats.tables import names as csv_names
+from fusion.formats.tables.names import DATE, Cell, Known, Schema
 from fusion.messages import say
 from fusion.registry import LOG_COLUMNS
 

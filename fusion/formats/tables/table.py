@@ -6,9 +6,9 @@ import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fusion.formats.csv_header import MOST_CELLS, Header, from_utf16, header_of
-from fusion.formats.csv_log import DEVICE_AXES, DEVICE_TIME
-from fusion.formats.csv_names import (
+from fusion.formats.tables.header import MOST_CELLS, Header, from_utf16, header_of
+from fusion.formats.tables.log import DEVICE_AXES, DEVICE_TIME
+from fusion.formats.tables.names import (
     DATE,
     GPS_TIME,
     SHOWN_AS,

@@ -15,8 +15,8 @@ from pyarrow import csv
 
 from fusion.errors import MalformedLogError
 from fusion.formats.base import Notes, number_or_nan
-from fusion.formats.csv_header import LINE_END, Layout
-from fusion.formats.csv_names import DATE, GPS_TIME, TIME, Cell
+from fusion.formats.tables.header import LINE_END, Layout
+from fusion.formats.tables.names import DATE, GPS_TIME, TIME, Cell
 from fusion.formats.time_texts import times_of
 from fusion.messages import say
 from fusion.signals import unix_from_gps

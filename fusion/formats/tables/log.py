@@ -8,7 +8,6 @@ from typing import Self
 
 import numpy as np
 
-from fusion.formats import csv_header
 from fusion.formats.base import (
     Data,
     EitherWay,
@@ -18,9 +17,10 @@ from fusion.formats.base import (
     refuse_many,
     usable_positions,
 )
-from fusion.formats.csv_cells import Block, read_blocks
-from fusion.formats.csv_header import COLUMNS
-from fusion.formats.csv_names import GPS_TIME, PRESSURE_OF_VEHICLE, UNSTATED_SPEED, Schema
+from fusion.formats.tables import header as csv_header
+from fusion.formats.tables.cells import Block, read_blocks
+from fusion.formats.tables.header import COLUMNS
+from fusion.formats.tables.names import GPS_TIME, PRESSURE_OF_VEHICLE, UNSTATED_SPEED, Schema
 from fusion.messages import say
 from fusion.types import (
     AngularRate,
