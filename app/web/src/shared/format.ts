@@ -1,5 +1,5 @@
 /** Figures as people read them, in the page's language. Unknown is a dash, never 0. */
-import { currentLanguage } from "./texts";
+import { currentLanguage, ownForm } from "./texts";
 
 export const UNKNOWN = "–";
 
@@ -57,13 +57,19 @@ export function duration(seconds: number | null | undefined): string {
   return hours < 48 ? `${hours} h ${minutes % 60} min` : `${number(hours / 24, 1)} d`;
 }
 
-/** A day in UTC, such as `2026-11-20`, as the language writes it. */
+/** A day in UTC, such as `2026-11-20`, as the visitor's country writes it. */
 export function dayText(day: string): string {
-  return new Date(day).toLocaleDateString(currentLanguage(), { dateStyle: "medium", timeZone: "UTC" });
+  return new Date(day).toLocaleDateString(ownForm(navigator.languages), {
+    dateStyle: "medium",
+    timeZone: "UTC",
+  });
 }
 
 /** A moment in the visitor's own time zone. */
 export function moment(at: string | null | undefined): string {
   if (!at) return UNKNOWN;
-  return new Date(at).toLocaleString(currentLanguage(), { dateStyle: "medium", timeStyle: "short" });
+  return new Date(at).toLocaleString(ownForm(navigator.languages), {
+    dateStyle: "medium",
+    timeStyle: "short",
+  });
 }

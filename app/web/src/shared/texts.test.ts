@@ -5,7 +5,7 @@ import en from "../texts/en.json";
 vi.stubGlobal("location", new URL("http://127.0.0.1/map?lang=de"));
 vi.stubGlobal("navigator", { languages: ["en-GB"] });
 vi.stubGlobal("document", { documentElement: { lang: "en" } });
-const { hasText, loadTexts, t } = await import("./texts");
+const { hasText, loadTexts, ownForm, t } = await import("./texts");
 
 type Text = string | { other: string };
 
@@ -51,4 +51,10 @@ test("a text is chosen by number, and numbers are written as the language writes
   expect(t("docs.found", { n: 1200, guides: "" })).toMatch(/^1\.200 Abfragen /);
   expect(t("problem.unexpected")).toContain("{what}");
   expect([hasText("page.map"), hasText("page"), hasText("page.nothing")]).toEqual([true, false, false]);
+});
+
+test("days are written as in the visitor's country where that speaks the page's language", () => {
+  expect(ownForm(["fr-FR", "de-AT", "en-GB", "en-US"], "en")).toBe("en-GB");
+  expect(ownForm(["fr-FR", "DE-ch"], "de")).toBe("DE-ch");
+  expect(ownForm(["fr-FR"], "de")).toBe("de");
 });

@@ -46,6 +46,11 @@ export function currentLanguage(): Language {
   return language;
 }
 
+/** Whose days and times are written: the visitor's country, where its language is the page's. */
+export function ownForm(languages: readonly string[], of: Language = language): string {
+  return languages.find((one) => one.slice(0, 2).toLowerCase() === of) ?? of;
+}
+
 /** Keep the visitor's choice and show the page anew. */
 export function chooseLanguage(chosen: Language): void {
   localStorage.setItem(CHOICE, chosen);

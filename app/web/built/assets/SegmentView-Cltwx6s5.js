@@ -1,0 +1,1 @@
+export{n as SegmentView}from"./SegmentView-DK93E7lC.js";
