@@ -11,7 +11,8 @@ phone writes a GPX at 1 Hz without a break. A worker with one lane, as ``versant
     most               of the lane: its own pages, and its share of those that several processes have (PSS)
     left               the page's estimate after a tenth, a quarter and half of that time, over what then was left
     free               seconds from the answer to DELETE, at moments spread over a computation of the last log, to where
-                       the lane has given its job up: median and longest
+                       the lane has given its job up: median and longest. While a result is written there is no answer
+                       but "try again"
 
 With ``--whole`` a log of so many positions is also computed by the library in pieces and as one, and the largest
 difference of slopes printed, in sigmas.
@@ -203,7 +204,9 @@ def await_status(client: httpx.Client, address: str, status: str) -> None:
 def remove(client: httpx.Client, connection: psycopg.Connection[Any], address: str) -> float:
     """Remove a drive; seconds from the answer until no lane is at it."""
     drive = address.rpartition("/")[2]
-    client.delete(address).raise_for_status()
+    while (answer := client.delete(address)).status_code == httpx.codes.SERVICE_UNAVAILABLE:
+        time.sleep(1.0)  # its result is being written: whoever asked asks again
+    answer.raise_for_status()
     begin = time.monotonic()
     query = """
         SELECT count(*) FROM procrastinate_jobs
