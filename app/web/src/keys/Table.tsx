@@ -127,7 +127,7 @@ export function Table() {
   return (
     // biome-ignore lint/a11y/noNoninteractiveTabindex: what scrolls is reached by keyboard
     <section class="wide" tabIndex={0} aria-labelledby="keys">
-      <table class="keys">
+      <table class="keys stacked">
         <thead>
           <tr>
             <th scope="col">{t("keys.label")}</th>

@@ -9,6 +9,7 @@ import { Owners } from "./Owners";
 import { Secret } from "./Secret";
 import { load, problem } from "./state";
 import { Table } from "./Table";
+import "../shared/stacked.css";
 import "./keys.css";
 
 function Content() {

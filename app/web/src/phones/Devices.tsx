@@ -93,7 +93,7 @@ export function Devices() {
       ) : (
         // biome-ignore lint/a11y/noNoninteractiveTabindex: what scrolls is reached by keyboard
         <div class="wide" tabIndex={0}>
-          <table class="devices">
+          <table class="devices stacked">
             <thead>
               <tr>
                 <th scope="col">{t("phones.device")}</th>

@@ -8,6 +8,7 @@ import { Address } from "./Address";
 import { Devices } from "./Devices";
 import { Making } from "./Making";
 import { LOOK_EVERY_MS, load, look, problem } from "./state";
+import "../shared/stacked.css";
 import "./phones.css";
 
 /** Names of this machine that mean another one on a phone. */
