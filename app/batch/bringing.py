@@ -38,7 +38,7 @@ from app.drives.documents import Drive
 from app.drives.intake import register_upload
 from app.drives.method_choice import check_options
 from app.drives.person.store import DueLog, note_deleted
-from app.drives.process import write_result
+from app.drives.writing import write_result
 from app.jobs.context import JobContext
 from app.network.results import in_database
 from app.network.solve import lag_among_all

@@ -1,7 +1,7 @@
 """One drive: claimed, computed (``app.drives.computing``), and written to the database.
 
-All that the drive says is written in one transaction at the end, with marks of what has to be solved for it
-(``publishing``), so that a run may be cut off at any moment and repeated. A run belongs to a generation of its drive:
+All that the drive says is written in one transaction at the end (``app.drives.writing``), so that a run may be cut off
+at any moment and repeated. A run belongs to a generation of its drive:
 when the drive was deleted or asked for anew meanwhile, the result is discarded. Knows no HTTP.
 """
 
@@ -20,13 +20,11 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from app.changes.webhooks.store import DRIVE_FAILED, announce_drive
-from app.core.db import Sessions
 from app.core.telemetry import tracing
 from app.core.telemetry.events import Stages
 from app.core.telemetry.logs import about, blanked, tell
 from app.core.telemetry.measures import DRIVES_FAILED, DRIVES_PUT_BACK, QUEUED_S
-from app.core.version import code_version
-from app.drives import claims, publishing, queue, tracks
+from app.drives import claims, tracks
 from app.drives.computing import (
     Computed,
     Computing,
@@ -38,23 +36,15 @@ from app.drives.computing import (
 )
 from app.drives.documents import Drive
 from app.drives.log_facts import drive_time, records_of, track_of
+from app.drives.writing import append, with_settled_lag
 from app.jobs.context import JobContext
 from app.jobs.requests.pieces import never
 from app.jobs.requests.run import Discarded, Progress
 from app.jobs.requests.store import Failure
 from app.jobs.task import Interrupted, is_connection_loss
-from app.network import results as slopes
-from app.network.cells import road_states
-from app.network.marks import MarkedBy
-from app.network.solve import lag_among_all
 from app.terrain.heights import fill_heights_along
-from fusion.lags import LAG_ROUNDS, factors_for_lag
-from fusion.methods.base import DriveResult
-from fusion.network.pass_columns import PACKED_AT_ONCE
-from fusion.pipeline import parse_options
 from fusion.report import track_length_m
-from fusion.types import DriveLog, Ints
-from fusion.types import Progress as LibraryProgress
+from fusion.types import DriveLog
 
 logger = logging.getLogger(__name__)
 
@@ -172,7 +162,7 @@ def _run(
         progress = run.part("saving")
         settled = with_settled_lag(context.sessions, drive.id, ids, result, progress)
         run.begin("saving")
-        return _append(context, drive, replace(computed, result=settled), behind=behind)
+        return append(context, drive, replace(computed, result=settled), behind=behind)
 
     try:
         computed = compute(context, drive, run, computing, publish, read=note_records, located=note_bounds)
@@ -201,85 +191,6 @@ def _keep_track(context: JobContext, drive: Drive, log: DriveLog) -> None:
             distance_m=track_length_m(track),
             drive_time=drive_time(log),
         )
-
-
-def _append(context: JobContext, drive: Drive, computed: Computed, *, behind: bool) -> bool:
-    """Write all that the drive says in one transaction; False when the roads around it changed since they were read."""
-    with context.sessions.begin() as session:
-        delay_s = publishing.patience_s(session, context.settings.publish_every_s, behind=behind)
-        return write_result(session, drive, computed, delay_s)
-
-
-def write_result(session: Session, drive: Drive, computed: Computed, delay_s: float) -> bool:
-    """Write all that a running drive says in the session's transaction, and mark its cells to be solved within that.
-
-    False, and nothing is written, where the roads around it changed since they were read. Raises ``Discarded`` where
-    the drive was deleted or asked for anew.
-    """
-    around, ids, result, facts = computed.around, computed.ids, computed.result, computed.facts
-    provenance = slopes.RunProvenance(
-        method=drive.method,
-        options=parse_options(drive.method, drive.options).model_dump(mode="json"),
-        code_version=code_version(),
-        road_version_id=around.version_id,
-        road_state=max(around.roads.states.values(), default=0),
-        dem_version_id=around.dem_version_id,
-    )
-    slopes.begin_change(session, drive.id, slopes.in_database(result.factors, ids))
-    if not claims.lock_running(session, drive.id, drive.generation):
-        raise Discarded
-    if road_states(session, around.roads.states) != around.roads.states:
-        return False
-    tracks.save_track(session, drive.id, result.track, ids, result.measurements)
-    slopes.append_result(
-        session,
-        MarkedBy(drive.id, drive.generation),
-        ids,
-        result.slopes,
-        provenance,
-        result.factors,
-        facts.epoch_s,
-        delay_s=delay_s,
-    )
-    claims.mark_publishing(
-        session,
-        drive.id,
-        report=computed.report(),
-        bounds=facts.bounds_deg,
-        epochs=len(result.track),
-        distance_m=result.report["distance_m"],
-        drive_time=facts.drive_time,
-    )
-    queue.enqueue_solve(session)
-    return True
-
-
-def with_settled_lag(
-    sessions: Sessions,
-    drive_id: uuid.UUID,
-    segment_ids: Ints,
-    result: DriveResult,
-    progress: LibraryProgress | None = None,
-) -> DriveResult:
-    """The result with its factors made anew for the lag that the stored network finds; most results as they are.
-
-    How late the altimeter is follows from all drives (``fusion.lags.factors_for_lag``, as for logs at hand). It is
-    found before the network is owned: others go on publishing meanwhile. Of a long drive its beginning tells it.
-
-    ``segment_ids`` maps the segments of the result's factors to the database's ids.
-    """
-    factors = result.factors
-    if result.late_by is None or not factors:
-        return result
-    for _ in range(LAG_ROUNDS - 1):
-        with sessions() as session:
-            beginning = factors[:PACKED_AT_ONCE]
-            lag = lag_among_all(session, drive_id, slopes.in_database(beginning, segment_ids))
-        anew = factors_for_lag(result, factors, lag, progress=progress)
-        if anew is None:
-            break
-        factors = anew
-    return replace(result, factors=factors)
 
 
 def _fail(context: JobContext, drive: Drive, failure: Failure) -> Outcome:

@@ -26,6 +26,12 @@ _HOURS = 0x5653_4852  # "VSHR"
 _CELLS, _IMPORT = "cells", "import of roads"
 """Names of claims."""
 
+# Of who waits for one of its rows. Locks that are taken by name are waited for before a row is held.
+_ROW_WANTED = text("""
+    SELECT EXISTS (
+        SELECT FROM pg_locks WHERE NOT granted AND locktype IN ('transactionid', 'tuple')
+            AND pg_backend_pid() = ANY(pg_blocking_pids(pid)))
+""")
 _OWN = text("SELECT pg_advisory_xact_lock(:key)")
 _SHARE = text("SELECT pg_advisory_xact_lock_shared(:key)")
 _TRY_SHARE = text("SELECT pg_try_advisory_xact_lock_shared(:key)")
@@ -59,6 +65,16 @@ def own_hours(session: Session, hours: Iterable[int]) -> None:
     """
     with LOCK_WAIT_S.timed("own_hours"):
         session.execute(_HOUR, {"key": _HOURS, "hours": sorted(hours)})
+
+
+class WantedError(Exception):
+    """Somebody waits for a row that this transaction holds."""
+
+
+def give_way(session: Session) -> None:
+    """Raise ``WantedError``, which is to end the transaction, where somebody waits for a row that it holds."""
+    if session.execute(_ROW_WANTED).scalar_one():
+        raise WantedError
 
 
 def roads_change(session: Session) -> bool:

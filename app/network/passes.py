@@ -7,7 +7,7 @@ Passes are the evidence; slopes are computed from them (``solve``). Those of dup
 from __future__ import annotations
 
 import uuid
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from sqlalchemy import text
@@ -92,11 +92,16 @@ _HOURS = text(f"""
 
 
 def replace_passes(
-    session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor], epoch_s: Floats
+    session: Session,
+    drive_id: uuid.UUID,
+    factors: Sequence[PassFactor],
+    epoch_s: Floats,
+    look: Callable[[], None] = lambda: None,
 ) -> set[int]:
     """Replace the drive's passes by ``factors``, whose segments are database ids; returns the segments of both.
 
-    ``epoch_s`` are the times of the log's positions, shape (e,), Unix seconds.
+    ``epoch_s`` are the times of the log's positions, shape (e,), Unix seconds. ``look`` is called between portions of
+    a long drive, and may raise.
     """
     session.execute(_LOCK_DRIVE, {"drive_id": drive_id})
     deleted = fetch_binary(session, _DELETE, of_drive(session, drive_id))
@@ -107,10 +112,11 @@ def replace_passes(
     driven = set(table.segment.tolist())
     if factors:
         for some, portion in portions_of(factors):
+            look()
             insert_passes(session, [drive_id] * len(portion), portion, table.first_time_s[some])
         constants = {
             "passes": len(factors),
-            "evidence": ConstantsInformation.of_passes(factors).encode(),
+            "evidence": ConstantsInformation.of_passes(factors, progress=lambda *_: look()).encode(),
             "measurements": int(table.rows.sum()),
             "epoch_s": np.asarray(epoch_s, "<f8").tobytes(),
             "partitions": partitions_of(session, driven),

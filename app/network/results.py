@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -213,13 +213,15 @@ def append_result(
     epoch_s: Floats = _NO_EPOCHS,
     *,
     delay_s: float = 0.0,
+    look: Callable[[], None] = lambda: None,
 ) -> list[int]:
     """Replace what the drive says, and mark the cells that have to be solved for it within ``delay_s``; these cells.
 
     ``segment_ids`` maps the segments of estimates and factors (indices into the network of the run) to the
     database's ids. ``epoch_s`` are the times of the log's positions (e,); without them two logs of one drive are
-    recognised by their entries into segments alone. Estimates whose slope or sigma is not finite are left out. The
-    caller has begun the change (``begin_change``) and holds the drive's row.
+    recognised by their entries into segments alone. Estimates whose slope or sigma is not finite are left out. ``look``
+    is called between the parts of a long drive, and may raise. The caller has begun the change (``begin_change``) and
+    holds the drive's row.
     """
     finite = [e for e in estimates if np.isfinite(e.slope_percent) and np.isfinite(e.slope_sigma_percent)]
     ids = [int(segment_ids[e.segment]) for e in finite]
@@ -227,7 +229,8 @@ def append_result(
     provenance_id = _insert_provenance(session, drive.drive_id, provenance)
     if finite:
         _insert_estimates(session, drive.drive_id, provenance_id, ids, finite, bool(factors))
-    touched = _replace_evidence(session, drive.drive_id, in_database(factors, segment_ids), epoch_s)
+    touched = _replace_evidence(session, drive.drive_id, in_database(factors, segment_ids), epoch_s, look)
+    look()
     return append_marks(session, touched, [*former, *(() if factors else ids)], drive, delay_s)
 
 
@@ -249,11 +252,16 @@ def in_database(factors: Sequence[PassFactor], segment_ids: Ints) -> Sequence[Pa
 
 
 def _replace_evidence(
-    session: Session, drive_id: uuid.UUID, factors: Sequence[PassFactor], epoch_s: Floats
+    session: Session,
+    drive_id: uuid.UUID,
+    factors: Sequence[PassFactor],
+    epoch_s: Floats,
+    look: Callable[[], None] = lambda: None,
 ) -> set[int]:
     """Replace the drive's passes; the segments around which this changes the evidence."""
     counted = session.execute(_COUNTS, {"drive_id": drive_id}).scalar_one()
-    changed = replace_passes(session, drive_id, factors, epoch_s)
+    changed = replace_passes(session, drive_id, factors, epoch_s, look)
+    look()
     duplicates = session.execute(_DUPLICATES_OF, {"drive_id": drive_id}).scalars()
     others = decide_duplicates(session, {drive_id, *duplicates})
     counts = session.execute(_COUNTS, {"drive_id": drive_id}).scalar_one()

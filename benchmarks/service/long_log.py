@@ -10,9 +10,8 @@ phone writes a GPX at 1 Hz without a break. A worker with one lane, as ``versant
     computed           from the beginning of the drive to where all is said and only the map waits
     most               of the lane: its own pages, and its share of those that several processes have (PSS)
     left               the page's estimate after a tenth, a quarter and half of that time, over what then was left
-    free               seconds from the answer to DELETE, at moments spread over a computation of the last log, to where
-                       the lane has given its job up: median and longest. While a result is written there is no answer
-                       but "try again"
+    free               seconds from a DELETE, at moments spread over a computation of the last log and over the
+                       writing of its result, to where the lane has given its job up: median and longest of each
 
 With ``--whole`` a log of so many positions is also computed by the library in pieces and as one, and the largest
 difference of slopes printed, in sigmas.
@@ -52,6 +51,8 @@ from service.processes import Service
 LOOK_EVERY_S = 0.05
 PATIENCE_S = 3600.0
 ESTIMATES_AT = (0.1, 0.25, 0.5)
+COMPUTED, WRITTEN = "while a drive is computed", "while its result is written"
+BEGINS = {COMPUTED: {"status": "running"}, WRITTEN: {"stage": "saving"}}
 COLUMNS = {
     "points": ("positions", ",.0f"),
     "file_mb": ("file MB", ".0f"),
@@ -106,8 +107,9 @@ def main() -> None:
         print(
             f"{args.whole:,} positions in pieces and as one: {figures['apart_sigma']:.1e} sigma apart at most"
         )
-    if free_s := figures["free_s"]:
-        print(f"free {np.median(free_s):.1f} s after a removal, {max(free_s):.1f} s at most")
+    for when, free_s in figures["free_s"].items():
+        if free_s:
+            print(f"{when}: free {np.median(free_s):.1f} s after a removal, {max(free_s):.1f} s at most")
     write_json(args.json, figures)
 
 
@@ -151,7 +153,7 @@ def measured(
             lanes = Lanes(worker.pid)
             with watched(lanes):
                 address = service.send(log)
-                computed_s, left = computed(client, address)
+                computed_s, written_s, left = computed(client, address)
             rows.append(
                 {
                     "points": points, "file_mb": len(log) / 1e6, "computed_s": computed_s,
@@ -160,29 +162,33 @@ def measured(
             )  # fmt: skip
             show_progress(f"{points:,} positions are removed")
             remove(client, connection, address)
-        free_s = []
-        for k in range(removals):
-            show_progress(f"removal {k + 1} of {removals}")
+        free_s: dict[str, list[float]] = {COMPUTED: [], WRITTEN: []}
+        for k in range(2 * removals):
+            show_progress(f"removal {k + 1} of {2 * removals}")
             address = service.send(log + b"\n" * (k + 1))
-            await_status(client, address, "running")
-            time.sleep(computed_s * (k + 0.5) / removals)
-            if (status := client.get(address).json()["status"]) != "running":
-                sys.exit(f"a drive was {status} before it was removed")
-            free_s.append(remove(client, connection, address))
+            when, takes_s = (COMPUTED, computed_s) if k < removals else (WRITTEN, written_s)
+            await_state(client, address, **BEGINS[when])
+            time.sleep(takes_s * (k % removals + 0.5) / removals)
+            if (state := client.get(address).json())["stage"] == "publishing" or state["status"] != "running":
+                sys.exit("a drive had said all before it was removed")
+            free_s[when].append(remove(client, connection, address))
     return {"rows": rows, "free_s": free_s}
 
 
-def computed(client: httpx.Client, address: str) -> tuple[float, str]:
-    """How long a drive is computed, s, and what its page said was left, over what was."""
-    await_status(client, address, "running")
-    begin, said = time.monotonic(), list[tuple[float, float]]()
+def computed(client: httpx.Client, address: str) -> tuple[float, float, str]:
+    """How long a drive is computed and how long of that written, s, and what its page said was left, over what was."""
+    await_state(client, address, status="running")
+    begin, said, writes_s = time.monotonic(), list[tuple[float, float]](), float("inf")
     while time.monotonic() - begin < PATIENCE_S:
         drive = client.get(address).json()
         if drive["status"] == "failed":
             sys.exit(f"a drive failed: {drive['failure']['reason']}")
         if drive["status"] == "done" or drive["stage"] == "publishing":
             took_s = time.monotonic() - begin
-            return took_s, " ".join(_over(said, took_s, share) for share in ESTIMATES_AT)
+            left = " ".join(_over(said, took_s, share) for share in ESTIMATES_AT)
+            return took_s, max(took_s - writes_s, 0.0), left
+        if drive["stage"] == "saving":
+            writes_s = min(writes_s, time.monotonic() - begin)
         if drive["remaining_s"] is not None:
             said.append((time.monotonic() - begin, drive["remaining_s"]))
         time.sleep(LOOK_EVERY_S)
@@ -195,19 +201,16 @@ def _over(said: list[tuple[float, float]], took_s: float, share: float) -> str:
     return f"{after[0][1] / (took_s - after[0][0]):.1f}" if after else "-"
 
 
-def await_status(client: httpx.Client, address: str, status: str) -> None:
-    """Until the drive has it."""
-    while client.get(address).json()["status"] != status:
+def await_state(client: httpx.Client, address: str, **state: str) -> None:
+    """Until the drive's document has these values."""
+    while not state.items() <= client.get(address).json().items():
         time.sleep(LOOK_EVERY_S)
 
 
 def remove(client: httpx.Client, connection: psycopg.Connection[Any], address: str) -> float:
-    """Remove a drive; seconds from the answer until no lane is at it."""
-    drive = address.rpartition("/")[2]
-    while (answer := client.delete(address)).status_code == httpx.codes.SERVICE_UNAVAILABLE:
-        time.sleep(1.0)  # its result is being written: whoever asked asks again
-    answer.raise_for_status()
-    begin = time.monotonic()
+    """Remove a drive; seconds until no lane is at it."""
+    drive, begin = address.rpartition("/")[2], time.monotonic()
+    client.delete(address).raise_for_status()
     query = """
         SELECT count(*) FROM procrastinate_jobs
         WHERE status = 'doing' AND args ->> 'drive_id' = %s AND task_name = 'process_drive'

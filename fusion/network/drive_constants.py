@@ -19,7 +19,7 @@ from fusion.network.equations import Blocks
 from fusion.network.pass_factor import CONSTANT_SIGMA, CONSTANTS, NUISANCES, SETTINGS, PassFactor, symmetric
 from fusion.network.road_beliefs import GRADE_SIGMA
 from fusion.network.unknowns import DriveUnknowns
-from fusion.types import Floats, Ints
+from fusion.types import Floats, Ints, Progress, no_progress
 
 FREE_INFORMATION = 1e-6
 """Heights, and errors of height sensors, are free: a sigma of a kilometre (1/m^2)."""
@@ -55,13 +55,17 @@ class ConstantsInformation:
         return cls(np.empty((0, 2), np.int64), SymmetricEntries.of_dense(np.zeros((0, 0))), np.zeros(0))
 
     @classmethod
-    def of_passes(cls, passes: Sequence[PassFactor], weight: Floats | None = None) -> Self:
+    def of_passes(
+        cls, passes: Sequence[PassFactor], weight: Floats | None = None, progress: Progress = no_progress
+    ) -> Self:
         """What passes of one drive say, each on its own; ``weight`` (m,) is how much each is believed."""
         total = cls.nothing()
         for first in range(0, len(passes), PASSES_AT_ONCE):
+            progress("saving", first / len(passes))
             some = slice(first, first + PASSES_AT_ONCE)
-            said = marginals_of(passes[some], None if weight is None else weight[some])
-            total = total + cls.of_marginals(passes[some], *said)
+            portion = list(passes[some])  # of a long drive they are decoded where they are asked for
+            said = marginals_of(portion, None if weight is None else weight[some])
+            total = total + cls.of_marginals(portion, *said)
         return total
 
     @classmethod

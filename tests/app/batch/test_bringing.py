@@ -34,7 +34,7 @@ from app.batch.folder import BatchFolder
 from app.batch.run import Request, run
 from app.cli import app
 from app.core.db import Sessions
-from app.drives import process, publishing
+from app.drives import process, publishing, writing
 from app.drives import store as drives
 from app.drives.batches import importing
 from app.drives.documents import Drive
@@ -262,7 +262,7 @@ def test_roads_that_change_meanwhile_are_seen(
     context: JobContext, archive: Archive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As workers see it: the drive is there, and waits for one of them."""
-    monkeypatch.setattr(process, "road_states", lambda *_: {})
+    monkeypatch.setattr(writing, "road_states", lambda *_: {})
     assert dict(brought(context, archive).to_compute) == {OTHER_ROADS: 3}
     assert {one.status for one in listed(context.sessions)} == {"queued"}
 

@@ -12,7 +12,7 @@ import pytest
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.drives import computing, intake, process
+from app.drives import computing, intake, process, publishing
 from app.drives import store as drives
 from app.drives.batches.documents import Selection, Which
 from app.drives.batches.store import batch_progress, count_selected
@@ -231,7 +231,7 @@ def test_drives_beside_an_import_end_on_the_roads_that_stand(context: JobContext
         beside = pool.submit(process.process_drive, context, second.id, 1)
         assert beside.result(60) is Outcome.DONE
         imports.result(60)
-    process.publishing.finish(context.sessions, context.blobs)
+    publishing.finish(context.sessions, context.blobs)
     queue_touched(context.sessions)
     for drive in (first, second):
         if drive_now(context, drive.id).status == "queued":

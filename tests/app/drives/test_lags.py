@@ -12,8 +12,9 @@ import pytest
 
 from altimeter_support import altimeter_gpx
 from app.core.db import Sessions
-from app.drives import process
-from app.drives.process import Outcome, with_settled_lag
+from app.drives import process, writing
+from app.drives.process import Outcome
+from app.drives.writing import with_settled_lag
 from app.jobs.context import JobContext
 from drive_fixtures import Send
 from fusion.lags import LAG_ROUNDS, LAG_STEP_S
@@ -64,7 +65,7 @@ def test_a_lag_that_never_stands_ends_all_the_same(
     sessions: Sessions, chain: Chain, segment_ids: Ints, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = [factor for factor, _ in passes_of(chain(), {0: (2.0, 0.5)})]
-    monkeypatch.setattr(process, "lag_among_all", lambda *_: 100.0)
+    monkeypatch.setattr(writing, "lag_among_all", lambda *_: 100.0)
     asked: list[float] = []
     result = result_of(said, lambda lag_s: asked.append(lag_s) or tuple(said))  # type: ignore[func-returns-value]
     with_settled_lag(sessions, uuid.uuid4(), segment_ids, result)
@@ -83,7 +84,7 @@ def test_factors_are_made_anew_while_the_terrain_is_open(
     context: JobContext, send: Send, town: Town, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where there is an elevation model, they are made of it as well."""
-    monkeypatch.setattr(process, "lag_among_all", lambda *_: 4.0)
+    monkeypatch.setattr(writing, "lag_among_all", lambda *_: 4.0)
     log = altimeter_gpx(simulate_drive(town, 0, duration_s=90), 4.0).encode()
     drive = send(log, "profile")
     assert process.process_drive(context, drive.id, drive.generation) is Outcome.DONE

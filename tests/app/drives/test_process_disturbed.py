@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
+import time
 import uuid
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,17 @@ import psycopg
 import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import OperationalError
+from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
-from app.drives import claims, computing, intake, process
+from app.drives import claims, computing, intake, process, writing
 from app.drives.documents import Drive
 from app.drives.process import Outcome
 from app.jobs.context import JobContext
 from app.jobs.requests import run as machine
 from app.jobs.task import Interrupted
 from app.network import results as slopes
+from app.network.locks import give_way, own_network, share_network
 from app.roads import imports as road_imports
 from app.roads.documents import Wishes
 from fusion.pipeline import run_drive
@@ -123,6 +126,75 @@ def test_roads_imported_while_a_drive_runs_are_the_ones_it_ends_with(
     intake.reprocess(context.sessions, drive.id)
     process_drive(context, drive.id, 3)
     assert state(context) == disturbed
+
+
+class Wanted:
+    """``give_way`` with somebody who wants the drive's row, from the first look at a run that holds it."""
+
+    def __init__(self, want: Callable[[], object], pool: ThreadPoolExecutor) -> None:
+        self._want, self._pool = want, pool
+        self.looks = 0
+        self.answer: Future[object] | None = None
+
+    def __call__(self, session: Session) -> None:
+        self.looks += 1
+        if self.looks == 1:
+            self.answer = self._pool.submit(self._want)
+            waits = text("SELECT count(*) FROM pg_locks WHERE NOT granted")
+            while not session.execute(waits).scalar_one():
+                time.sleep(0.01)
+        give_way(session)
+
+
+def test_a_removal_does_not_wait_for_a_result_to_be_written(
+    context: JobContext, send: Send, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = send(0)
+    with ThreadPoolExecutor(1) as pool:
+        wanted = Wanted(lambda: intake.remove_drive(context.sessions, drive.id), pool)
+        monkeypatch.setattr(writing, "give_way", wanted)
+        assert process_drive(context, drive.id, 1) is Outcome.DISCARDED
+        assert wanted.answer is not None and wanted.answer.result(10)
+    assert wanted.looks == 1
+    assert state(context) == []
+    carry_out_removals(context.sessions, context.blobs)
+    with context.sessions() as session:
+        assert session.execute(text("SELECT count(*) FROM drives")).scalar_one() == 0
+
+
+def test_a_result_gives_way_once(context: JobContext, send: Send, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who wants the row for something else keeps no drive from its end."""
+    drive = send(0)
+
+    def rename() -> None:
+        with context.sessions.begin() as session:
+            session.execute(text("UPDATE drives SET filename = 'other.gpx' WHERE id = :id"), {"id": drive.id})
+
+    with ThreadPoolExecutor(1) as pool:
+        wanted = Wanted(rename, pool)
+        monkeypatch.setattr(writing, "give_way", wanted)
+        assert process_drive(context, drive.id, 1) is Outcome.DONE
+        assert wanted.answer is not None
+        wanted.answer.result(10)
+    assert wanted.looks == 1
+    assert state(context) and drive_now(context, drive.id).filename == "other.gpx"
+
+
+def test_who_waits_for_a_lock_by_name_is_not_let_in(sessions: Sessions) -> None:
+    """An import waits for all who share the network: it would never be its turn to be let in."""
+
+    def own() -> None:
+        with sessions.begin() as session:
+            own_network(session)
+
+    with ThreadPoolExecutor(1) as pool:
+        with sessions.begin() as session:
+            share_network(session)
+            waiting = pool.submit(own)
+            while not session.execute(text("SELECT count(*) FROM pg_locks WHERE NOT granted")).scalar_one():
+                time.sleep(0.01)
+            give_way(session)
+        waiting.result(10)
 
 
 def test_a_worker_that_stops_puts_its_drive_back(context: JobContext, send: Send) -> None:

@@ -108,13 +108,13 @@ def test_only_the_computation_of_a_drive_is_marked(
         (computing, "read_log"),
         (computing, "run_drive"),
         (process, "fill_heights_along"),
-        (process, "_append"),
+        (process, "append"),
     ):
         watched(module, name)
     drive = send(0, "profile")
     run_worker(settings, wait=False)
     assert drive_now(context, drive.id).status == "done"
-    assert marks == {"read_log": True, "run_drive": True, "fill_heights_along": False, "_append": False}
+    assert marks == {"read_log": True, "run_drive": True, "fill_heights_along": False, "append": False}
     with context.sessions() as session:
         assert session.execute(text("SELECT count(*) FROM computations")).scalar_one() == 0
 
