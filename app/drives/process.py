@@ -182,7 +182,7 @@ def _keep_track(context: JobContext, drive: Drive, log: DriveLog) -> None:
     with context.sessions.begin() as session:
         if not claims.lock_running(session, drive.id, drive.generation):
             raise Discarded
-        tracks.save_track(session, drive.id, track, np.empty(0, np.int64))
+        tracks.save_track(session, drive.id, tracks.EncodedTrack.of(track, np.empty(0, np.int64)))
         claims.note_facts(
             session,
             drive.id,

@@ -6,7 +6,7 @@ import json
 import uuid
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pyarrow as pa
@@ -53,17 +53,22 @@ _COLUMN_NAMES = {"after_outage": "starts"}
 """Fields of ``Track`` that stored tracks know by another name."""
 
 
-def save_track(
-    session: Session,
-    drive_id: uuid.UUID,
-    track: Track,
-    segment_ids: Ints,
-    measurements: DrawnMeasurements | None = None,
-) -> None:
-    """Store the track; ``segment_ids`` maps its ``segment`` (index into the run's network) to stored ids."""
-    encoded = None if measurements is None else encode_measurements(measurements)
-    values = {"drive_id": drive_id, "track": encode(track, segment_ids), "measurements": encoded}
-    session.execute(_SAVE, values)
+class EncodedTrack(NamedTuple):
+    """A track, and what the sensors said (None: nothing), as they are stored."""
+
+    track: bytes
+    measurements: bytes | None
+
+    @classmethod
+    def of(cls, track: Track, segment_ids: Ints, measurements: DrawnMeasurements | None = None) -> Self:
+        """``segment_ids`` maps the track's ``segment`` (index into the run's network) to stored ids."""
+        said = None if measurements is None else encode_measurements(measurements)
+        return cls(encode(track, segment_ids), said)
+
+
+def save_track(session: Session, drive_id: uuid.UUID, encoded: EncodedTrack) -> None:
+    """Store the track of a drive in place of what it has."""
+    session.execute(_SAVE, {"drive_id": drive_id, **encoded._asdict()})
 
 
 def read_track(session: Session, drive_id: uuid.UUID) -> Track | None:

@@ -44,6 +44,9 @@ def append(context: JobContext, drive: Drive, computed: Computed, *, behind: boo
     try:
         return write(give_way)
     except WantedError:
+        with context.sessions.begin() as session:
+            if not claims.lock_running(session, drive.id, drive.generation):
+                raise Discarded from None
         return write(lambda _: None)
 
 
@@ -70,12 +73,13 @@ def write_result(
         road_state=max(around.roads.states.values(), default=0),
         dem_version_id=around.dem_version_id,
     )
+    track = tracks.EncodedTrack.of(result.track, ids, result.measurements)
     slopes.begin_change(session, drive.id, slopes.in_database(result.factors, ids))
     if not claims.lock_running(session, drive.id, drive.generation):
         raise Discarded
     if road_states(session, around.roads.states) != around.roads.states:
         return False
-    tracks.save_track(session, drive.id, result.track, ids, result.measurements)
+    tracks.save_track(session, drive.id, track)
     look()
     slopes.append_result(
         session,

@@ -75,9 +75,7 @@ def decide_duplicates(session: Session, drive_ids: Collection[uuid.UUID]) -> set
 
     Returns the segments of the drives that count from now on and did not, or the other way round.
     """
-    drives, original = _assign(session, _with_counting(session, drive_ids))
-    if {drives[k].id for k in original} != set(drive_ids):
-        drives, original = _assign(session, _connected(session, drive_ids))
+    drives, original = _decided(session, drive_ids)
     changed = []
     for k, drive in enumerate(drives):
         drive_id, former = drive.id, drive.duplicate_of
@@ -94,25 +92,30 @@ def decide_duplicates(session: Session, drive_ids: Collection[uuid.UUID]) -> set
     return set(session.execute(_SEGMENTS, values).scalars())
 
 
+def _decided(session: Session, drive_ids: Collection[uuid.UUID]) -> tuple[Sequence[Row[Any]], dict[int, int]]:
+    """What ``_assign`` says of these drives and of all that may equal them.
+
+    Most are like no other, and then nothing more is read of them. One that duplicates a drive that counts leaves the
+    others as they are, for they were decided without it: so the thousandth copy of a drive costs as much as the second.
+    """
+    if len(drive_ids) == 1:
+        (drive_id,) = drive_ids
+        candidates = _candidates(session, drive_id)
+        if not candidates:
+            return _assign(session, {drive_id: _UNREAD})
+        counting = session.execute(_COUNTING, {"ids": list(candidates)}).scalars()
+        drives, original = _assign(session, _traces(session, {drive_id, *counting}))
+        if {drives[k].id for k in original} == set(drive_ids):
+            return drives, original
+    return _assign(session, _connected(session, drive_ids))
+
+
 def _assign(
     session: Session, traces: dict[uuid.UUID, DriveTrace]
 ) -> tuple[Sequence[Row[Any]], dict[int, int]]:
     """The drives with what each was a duplicate of so far, and which of them duplicates which, by place in the list."""
     drives = session.execute(_FORMER, {"ids": list(traces)}).all()
     return drives, find_duplicates({k: traces[row.id] for k, row in enumerate(drives)})
-
-
-def _with_counting(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
-    """One drive of which there are no duplicates, with the candidates that count; nothing for several drives.
-
-    If the drive duplicates one of these, no other drive depends on it: the others were decided without it. So the
-    thousandth copy of a drive costs as much as the second.
-    """
-    if len(drive_ids) != 1:
-        return {}
-    drive_id = next(iter(drive_ids))
-    counting = session.execute(_COUNTING, {"ids": list(_candidates(session, drive_id))}).scalars()
-    return _traces(session, {drive_id, *counting})
 
 
 def _connected(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUID, DriveTrace]:
@@ -155,6 +158,9 @@ def _traces(session: Session, drive_ids: Collection[uuid.UUID]) -> dict[uuid.UUI
 
 
 _NO_EPOCHS = np.empty(0)
+_UNREAD = DriveTrace(np.empty(0, np.int64), np.empty(0), _NO_EPOCHS, 0)
+
+ESTIMATES_AT_ONCE = 4096
 
 
 @dataclass(frozen=True)
@@ -227,8 +233,10 @@ def append_result(
     ids = [int(segment_ids[e.segment]) for e in finite]
     former = _delete_estimates(session, drive.drive_id)
     provenance_id = _insert_provenance(session, drive.drive_id, provenance)
-    if finite:
-        _insert_estimates(session, drive.drive_id, provenance_id, ids, finite, bool(factors))
+    for first in range(0, len(ids), ESTIMATES_AT_ONCE):
+        some = slice(first, first + ESTIMATES_AT_ONCE)
+        _insert_estimates(session, drive.drive_id, provenance_id, ids[some], finite[some], bool(factors))
+        look()
     touched = _replace_evidence(session, drive.drive_id, in_database(factors, segment_ids), epoch_s, look)
     look()
     return append_marks(session, touched, [*former, *(() if factors else ids)], drive, delay_s)

@@ -72,7 +72,7 @@ class Service:
             version = road_store.current_road_version(session)
             if version is None or not claims.lock_running(session, drive.id, drive.generation):
                 raise RuntimeError("the drive is not the worker's")
-            tracks.save_track(session, drive.id, recorded.track, self.ids)
+            tracks.save_track(session, drive.id, tracks.EncodedTrack.of(recorded.track, self.ids))
             provenance = slopes.RunProvenance("profile", {}, code_version(), version.id, None)
             marked = MarkedBy(drive.id, drive.generation)
             times = recorded.track.time_s

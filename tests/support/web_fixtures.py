@@ -173,7 +173,7 @@ def add_drive(
         )
         assert claims.mark_running(session, drive.id, drive.generation)
         track = track_along(table, indices)
-        tracks.save_track(session, drive.id, track, ids)
+        tracks.save_track(session, drive.id, tracks.EncodedTrack.of(track, ids))
         claims.mark_publishing(
             session,
             drive.id,

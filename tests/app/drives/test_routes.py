@@ -142,7 +142,7 @@ def test_a_segment_with_one_epoch_has_its_direction_from_the_heading(filled: Any
         columns = {spec.name: getattr(stored, spec.name)[:15:5] for spec in fields(Track)}
         east, north = np.diff(columns["lon_deg"]) * np.cos(np.radians(49)), np.diff(columns["lat_deg"])
         columns["heading_rad"] = np.arctan2(east, north)[[0, 0, 1]]
-        tracks.save_track(session, uuid.UUID(done), Track(**columns), np.arange(100))
+        tracks.save_track(session, uuid.UUID(done), tracks.EncodedTrack.of(Track(**columns), np.arange(100)))
     profile = filled.client.get(f"/v1/drives/{done}/profile").json()
     assert profile["forward"] == [True] * 3
     assert profile["slope_percent"] == [3.0] * 3
@@ -157,7 +157,7 @@ def test_the_picture_shows_what_was_measured(filled: Any, done: str) -> None:
         time_s = stored.time_s[:15]
         along, height = np.linspace(0, 100, 15), np.full(15, 121.0)
         said = DrawnMeasurements(("altitude",), np.zeros(15, int), time_s, along, height, np.ones(15, bool))
-        tracks.save_track(session, uuid.UUID(done), stored, np.arange(100), said)
+        tracks.save_track(session, uuid.UUID(done), tracks.EncodedTrack.of(stored, np.arange(100), said))
         session.execute(text("UPDATE drives SET finished_at = now()"))
     assert filled.client.get(address).content != without
 

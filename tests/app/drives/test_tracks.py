@@ -57,7 +57,7 @@ def test_a_later_track_replaces_the_former(
         assert tracks.read_track(session, drive) is None
         for n in (5, 3):
             track = make_track(np.ones((n, columns)), np.zeros(n, int), np.ones(n, bool))
-            tracks.save_track(session, drive, track, segment_ids)
+            tracks.save_track(session, drive, tracks.EncodedTrack.of(track, segment_ids))
         stored = tracks.read_track(session, drive)
     assert stored is not None
     assert stored.segment.tolist() == [segment_ids[0]] * 3
@@ -91,7 +91,7 @@ def test_a_later_run_replaces_the_measurements_and_may_have_none(
     with sessions.begin() as session:
         assert tracks.read_measurements(session, drive) is None
         for sent in (make_measurements(np.array([0, 3, 0]), np.ones((3, 3))), None):
-            tracks.save_track(session, drive, track, segment_ids, sent)
+            tracks.save_track(session, drive, tracks.EncodedTrack.of(track, segment_ids, sent))
             back = tracks.read_measurements(session, drive)
             assert (back is None) == (sent is None)
             assert back is None or back.value.tolist() == [1.0, 1.0, 1.0]

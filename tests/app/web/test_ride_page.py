@@ -35,7 +35,7 @@ def hilly(filled: Web) -> str:
         height = np.interp(along, [0, 888, 1110, 1554], [100, 188.8, 188.8, 135.5])
         known = np.r_[np.full(35, 0.004), np.nan]
         hill = replace(track, alt_m=np.r_[height, np.nan], pitch_rad=0 * known, pitch_sigma_rad=known)
-        tracks.save_track(session, uuid.UUID(str(drive)), hill, np.arange(1, 200))
+        tracks.save_track(session, uuid.UUID(str(drive)), tracks.EncodedTrack.of(hill, np.arange(1, 200)))
     return f"{filled.base}/drives/{drive}"
 
 

@@ -23,8 +23,7 @@ def opened(look: Look, *sections: str) -> None:
 def problems_with_their_action(look: Look) -> None:
     """What fails for want of roads leads to their import by one click."""
     opened(look)
-    kind = "no-match" if look.how.language == "en" else look.t("drives.failure.no-match")
-    row = look.page.locator(".attention li", has_text=kind)
+    row = look.page.locator(".attention li", has_text=look.t("drives.failure.no-match"))
     row.get_by_role("link", name=look.t("admin.import.roads")).click()
     look.page.wait_for_url(re.compile("#import$"))
     form = look.page.locator("form", has=look.page.get_by_role("heading", name=look.t("admin.import.roads")))

@@ -71,7 +71,7 @@ def a_hill(web: Web, ids: list[int]) -> uuid.UUID:
         height = np.interp(along, [0, 888, 1110, 1554], [100, 188.8, 188.8, 135.5])
         known = np.r_[np.full(35, 0.004), np.nan]
         hill = replace(track, alt_m=np.r_[height, np.nan], pitch_rad=0 * known, pitch_sigma_rad=known)
-        tracks.save_track(session, drive, hill, np.array(ids))
+        tracks.save_track(session, drive, tracks.EncodedTrack.of(hill, np.array(ids)))
     return drive
 
 

@@ -49,9 +49,10 @@ function hasOwn(value: unknown): boolean {
   return hasText(`said.${value.key}`) || Object.values(value.parameters).some(hasOwn);
 }
 
-/** A fixed English word or phrase of the service. */
+/** A fixed English word or phrase of the service, or its name of a kind of failure. */
 export function term(text: string): string {
-  return terms[text] ?? text;
+  const kind = `drives.failure.${text}`;
+  return terms[text] ?? (hasText(kind) ? t(kind as TextKey) : text);
 }
 
 function isSaid(value: unknown): value is Said {

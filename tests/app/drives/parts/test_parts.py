@@ -47,7 +47,7 @@ def measured(filled: Any, drive: str, n: int = 500) -> None:
             value,
             np.repeat([True, False], n),
         )
-        tracks.save_track(session, uuid.UUID(drive), stored, np.arange(100), said)
+        tracks.save_track(session, uuid.UUID(drive), tracks.EncodedTrack.of(stored, np.arange(100), said))
 
 
 def get(filled: Any, drive: str, part: str, **headers: str) -> Any:
@@ -96,7 +96,7 @@ def over_a_hill(filled: Any, drive: str) -> None:
         known = np.r_[np.full(15, 0.004), np.nan]
         height = np.r_[np.linspace(100, 150, 10), np.linspace(148, 140, 5), np.nan]
         hill = replace(stored, alt_m=height, pitch_rad=0 * known, pitch_sigma_rad=known)
-        tracks.save_track(session, uuid.UUID(drive), hill, np.arange(100))
+        tracks.save_track(session, uuid.UUID(drive), tracks.EncodedTrack.of(hill, np.arange(100)))
 
 
 def test_the_figures_of_a_ride(filled: Any, done: str) -> None:

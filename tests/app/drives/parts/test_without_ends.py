@@ -129,7 +129,7 @@ def make_trip(public: Public, guarded: Keyed, rows: int = LONG) -> Trip:
         heights = DrawnMeasurements(
             ("altitude",), np.zeros(n, int), time_s, np.zeros(n), np.full(n, 120.0), np.ones(n, bool)
         )
-        tracks.save_track(session, drive, track, public.ids, heights)
+        tracks.save_track(session, drive, tracks.EncodedTrack.of(track, public.ids, heights))
         done = text("UPDATE drives SET status = 'done', finished_at = clock_timestamp() WHERE id = :id")
         session.execute(done, {"id": drive})
     return Trip(public, guarded, drive, begin_s)
