@@ -113,15 +113,21 @@ def test_what_no_answer_came_for_is_kept_and_sent_again_as_the_same_drive(
     with zipfile.ZipFile(io.BytesIO(downloaded)) as archive:
         assert archive.namelist() == ["Location.csv", "TotalAcceleration.csv", "Gyroscope.csv"]
 
-    # The service stores it, and its answer is lost on the way.
     phone.tab.expected.append("ERR_")
+    page.context.set_offline(True)
+    page.get_by_role("button", name="Send the recording").click()
+    page.get_by_text("The transfer broke off.").wait_for()
+    page.context.set_offline(False)
+    assert web.client.get("/v1/drives").json()["drives"] == []
 
+    # The service stores it, and its answer is lost on the way.
     def lose(route: Any) -> None:
         route.fetch()
         route.abort()
 
     page.route("**/v1/drives?*", lose)
-    page.get_by_role("button", name="Send the recording").click()
+    with page.expect_event("requestfailed"):
+        page.get_by_role("button", name="Send the recording").click()
     page.get_by_text("The transfer broke off.").wait_for()
     page.unroute("**/v1/drives?*")
     [drive] = web.client.get("/v1/drives").json()["drives"]
@@ -168,6 +174,33 @@ def test_a_page_out_of_sight_says_what_it_missed_and_asks_for_the_screen_again(
     assert page.evaluate("locks.length") == 2
     phone.drive(rows[3:5])
     assert phone.tab.faults() == []
+
+
+_FULL = """() => {
+  window.add = IDBObjectStore.prototype.add;
+  IDBObjectStore.prototype.add = () => { throw new DOMException('no room', 'QuotaExceededError'); };
+}"""
+_ROOM = "() => { IDBObjectStore.prototype.add = window.add; }"
+
+
+def test_where_there_is_no_room_it_says_so_and_ends_when_there_is(
+    web: Web, phone: Phone, rows: list[dict[str, str]]
+) -> None:
+    page = phone.tab.page
+    started(phone, web, rows[:7])
+    page.evaluate(_FULL)
+    phone.drive(rows[7:14])
+    n = phone.counted
+    page.get_by_text("cannot be stored: no room.").wait_for()
+    page.get_by_role("button", name="Stop").click()
+    phone.second()
+    page.get_by_role("heading", name="Recording").wait_for()
+    page.evaluate(_ROOM)
+    stopped(phone)
+    expect(page.locator(".recordings")).to_contain_text(f"{n} positions")
+    with page.expect_download() as downloads:
+        page.get_by_role("button", name="Download the recording").click()
+    assert len(read_log(Path(downloads.value.path())).fix) == n
 
 
 def test_a_gap_is_told_and_a_recording_can_be_deleted(

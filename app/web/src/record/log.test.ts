@@ -6,7 +6,7 @@ import { fileName, fileOf, fixesOf, textsOf } from "./log";
 
 const BEGAN_MS = Date.UTC(2026, 10, 28, 7, 30, 15, 250);
 const recording: Recording = {
-  id: "a",
+  id: "12ab-cd",
   began_ms: BEGAN_MS,
   altitudes: "ellipsoid",
   sealed: false,
@@ -63,7 +63,7 @@ test("forces stay in the device's axes, rates are radians, and who has no gyrosc
 
 test("the same recording is the same bytes at any time, under one name", async () => {
   const [first, second] = [fileOf(recording, chunks), fileOf(recording, chunks)];
-  expect(first.name).toBe("versant-2026-11-28T07-30-15Z.zip");
+  expect(first.name).toBe("versant-2026-11-28T07-30-15Z-12ab.zip");
   expect(first.name).toBe(fileName(recording));
   const bytes = new Uint8Array(await first.arrayBuffer());
   expect(bytes).toEqual(new Uint8Array(await second.arrayBuffer()));

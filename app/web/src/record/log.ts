@@ -78,9 +78,10 @@ export function textsOf(recording: Recording, chunks: Chunk[]): Record<string, s
   return Object.fromEntries(Object.entries(texts).filter(([, text]) => text !== ""));
 }
 
-/** What the file is called: by the moment at which the recording began, in UTC. */
-export function fileName(recording: Recording): string {
-  return `versant-${new Date(recording.began_ms).toISOString().slice(0, 19).replaceAll(":", "-")}Z.zip`;
+/** What the file is called: by the moment at which the recording began, in UTC, and so that no two are called the same. */
+export function fileName({ id, began_ms }: Recording): string {
+  const moment = new Date(began_ms).toISOString().slice(0, 19).replaceAll(":", "-");
+  return `versant-${moment}Z-${id.slice(0, 4)}.zip`;
 }
 
 /** The log as a file. */

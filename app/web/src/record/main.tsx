@@ -42,7 +42,7 @@ function Ready() {
       {HERE_ONLY.test(location.hostname) && (
         <p class="quiet-text">{t("record.here_only", { host: location.host })}</p>
       )}
-      <button type="button" class="primary begin" onClick={() => void start()}>
+      <button type="button" class="primary begin" onClick={() => void start().then(look)}>
         {t("record.start")}
       </button>
       <p class="quiet-text">{t("record.start_what")}</p>

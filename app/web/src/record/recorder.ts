@@ -36,6 +36,7 @@ export const unkept = signal<string | null>(null);
 /** Whether another tab of this browser records. */
 export const elsewhere = signal(false);
 
+/** Ends what runs, unless what it recorded could not be kept. */
 let stopping: (() => Promise<void>) | null = null;
 
 function fresh(): Recording {
@@ -65,12 +66,15 @@ function place(): Promise<(() => void) | null> {
   });
 }
 
-/** What changes while it runs, told to the page and ended by what is returned; kept once the place is had. */
-function follow(keeper: Keeper, leaving: Promise<(() => void) | null>): () => Promise<void> {
+/**
+ * What changes while it runs is told to the page, and kept once the place is had. What is returned ends it and says
+ * that all is kept, or says that it could not be, and lets it run on.
+ */
+function follow(keeper: Keeper, leaving: Promise<(() => void) | null>): () => Promise<boolean> {
   const counting = new Counting(keeper.recording.totals);
   const ran_ms = counting.totals.ran_ms;
   const began_ms = Date.now();
-  let heard_ms = began_ms;
+  let latest_ms = began_ms;
   let hiddenSince_ms: number | null = null;
 
   const count = () => {
@@ -80,17 +84,18 @@ function follow(keeper: Keeper, leaving: Promise<(() => void) | null>): () => Pr
   const keep = async () => {
     count();
     try {
-      if ((await leaving) === null) return; // another tab has it, and keeps
-      await keeper.keep(totals.value);
+      // Where another tab has the place it is that tab which keeps.
+      if ((await leaving) !== null) await keeper.keep(totals.value);
       unkept.value = null;
     } catch (error) {
       unkept.value = error instanceof Error ? error.message : String(error);
     }
     count();
+    return unkept.value === null;
   };
   const onFix = (now: Fix) => {
     if (!counting.add(now)) return;
-    heard_ms = Date.now();
+    latest_ms = Date.now();
     silent_ms.value = null;
     fix.value = now;
     keeper.addFix(now);
@@ -121,17 +126,18 @@ function follow(keeper: Keeper, leaving: Promise<(() => void) | null>): () => Pr
   ];
   const ticks = setInterval(() => {
     count();
-    const waited_ms = Date.now() - heard_ms;
+    const waited_ms = Date.now() - latest_ms;
     silent_ms.value = waited_ms > GAP_MS ? waited_ms : null;
   }, TICK_MS);
   const keeps = setInterval(() => void keep(), KEEP_EVERY_MS);
   document.addEventListener("visibilitychange", onSight);
   return async () => {
+    if (!(await keep())) return false;
     clearInterval(ticks);
     clearInterval(keeps);
     document.removeEventListener("visibilitychange", onSight);
     for (const end of ends) end();
-    await keep();
+    return keep();
   };
 }
 
@@ -148,8 +154,8 @@ export async function start(recording: Recording = fresh()): Promise<void> {
   const leaving = place();
   const end = follow(new Keeper(shelf, recording), leaving);
   stopping = async () => {
+    if (!(await end())) return;
     stopping = null;
-    await end();
     (await leaving)?.();
     running.value = null;
     tellTabs();

@@ -22,19 +22,28 @@ async function opened(): Promise<IDBDatabase> {
   return answered(request);
 }
 
-async function inside<T>(
-  mode: IDBTransactionMode,
-  work: (recordings: IDBObjectStore, chunks: IDBObjectStore) => Promise<T> | undefined,
-): Promise<T | undefined> {
+type Work<T> = (recordings: IDBObjectStore, chunks: IDBObjectStore) => Promise<T> | undefined;
+
+/** What fails half way leaves nothing behind. */
+async function attempted<T>(transaction: IDBTransaction, work: Work<T>): Promise<T | undefined> {
+  try {
+    return work(transaction.objectStore(RECORDINGS), transaction.objectStore(CHUNKS));
+  } catch (error) {
+    transaction.abort();
+    throw error;
+  }
+}
+
+async function inside<T>(mode: IDBTransactionMode, work: Work<T>): Promise<T | undefined> {
   const database = await opened();
   try {
     // On the disk before it counts as kept: a battery that is empty loses what stood in memory.
     const transaction = database.transaction([RECORDINGS, CHUNKS], mode, { durability: "strict" });
     const over = new Promise<void>((resolve, reject) => {
       transaction.oncomplete = () => resolve();
-      transaction.onabort = () => reject(transaction.error);
+      transaction.onabort = () => reject(transaction.error ?? new Error("aborted"));
     });
-    const answer = work(transaction.objectStore(RECORDINGS), transaction.objectStore(CHUNKS));
+    const answer = attempted(transaction, work);
     const [found] = await Promise.all([answer, over]);
     return found;
   } finally {
