@@ -49,6 +49,7 @@ _TABLE = {
         GET /problems
         GET /problems/{slug}
         GET /readyz
+        GET /record
         GET /sprites/{file}
         GET /style.json
         GET /tileMatrixSets

@@ -138,6 +138,7 @@ PAGES = {
     "/keys": "keys",
     "/owner": "owner",
     "/phones": "phones",
+    "/record": "record",
     "/login": "login",
 }
 """Address -> page; that of a drive itself says where there is none."""

@@ -18,6 +18,8 @@ from app.map.items import pages
 Language = Literal["en", "de"]
 Theme = Literal["light", "dark"]
 PAGES = ("map", "upload", "drives", "admin", "docs")
+CARDS = ("map", "upload", "record", "drives", "admin", "docs")
+"""Pages that the root says more of."""
 LANGUAGES: Mapping[Language, str] = {"en": "English", "de": "Deutsch"}
 
 _TEXTS: Mapping[Language, Mapping[str, str]] = {
@@ -26,6 +28,8 @@ _TEXTS: Mapping[Language, Mapping[str, str]] = {
         "map_what": "How steep roads are, and how sure that is.",
         "upload": "Upload",
         "upload_what": "Logs of your vehicle, and what becomes of them.",
+        "record": "Record",
+        "record_what": "A try-out with a phone's browser, without an app.",
         "drives": "Drives",
         "drives_what": "Every log, its track and its profile.",
         "admin": "Dashboard",
@@ -45,6 +49,8 @@ _TEXTS: Mapping[Language, Mapping[str, str]] = {
         "map_what": "Wie steil Straßen sind, und wie sicher das ist.",
         "upload": "Hochladen",
         "upload_what": "Aufzeichnungen Ihres Fahrzeugs, und was daraus wird.",
+        "record": "Aufzeichnen",
+        "record_what": "Zum Ausprobieren mit dem Browser eines Telefons, ohne App.",
         "drives": "Fahrten",
         "drives_what": "Jede Aufzeichnung mit Strecke und Profil.",
         "admin": "Betrieb",

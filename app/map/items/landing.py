@@ -17,7 +17,7 @@ from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.text import dumps
 from app.map.items import pages
-from app.map.items.home import LANGUAGES, PAGES, SeenDep
+from app.map.items.home import CARDS, LANGUAGES, PAGES, SeenDep
 from app.map.items.openapi30 import openapi_30
 from app.map.segment import attribution
 from app.map.tiles.documents import SCHEMES_REL, tilesets_link
@@ -96,7 +96,7 @@ def landing(request: Request, base: BaseUrl, seen: SeenDep) -> Response:
     }
     if not form.html:
         return pages.answered(request, dumps(document), form.media_type, links=links)
-    values = {"seen": seen, "texts": seen.texts, "languages": LANGUAGES, "shown_pages": PAGES}
+    values = {"seen": seen, "texts": seen.texts, "languages": LANGUAGES, "shown_pages": PAGES, "cards": CARDS}
     text = pages.page("landing.html", title="Versant", crumbs=(), links=links, document=document, **values)
     headers = {**pages.page_headers(), "Vary": "Accept, Accept-Language", "Content-Language": seen.language}
     return pages.answered(request, text, pages.HTML, links=links, headers=headers)

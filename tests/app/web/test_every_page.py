@@ -8,7 +8,7 @@ import pytest
 
 from web_fixtures import Web
 
-PAGES = ("map", "upload", "drives", "admin", "docs", "phones")
+PAGES = ("map", "upload", "drives", "admin", "docs", "phones", "record")
 
 
 def test_policy_allows_this_host_alone(web: Web) -> None:

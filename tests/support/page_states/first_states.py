@@ -10,12 +10,15 @@ from playwright.sync_api import expect
 from browser_fixtures import named
 from page_states.logs import ride, rides, zip_of
 from page_states.table import Look, state
+from phone_browser import COUNTED, Phone
 from processing_support import HEADER
 
 if TYPE_CHECKING:
     from playwright.sync_api import FilePayload, Locator
 
 MANY_DAYS_S = 10_000_000
+PLACES = [{"lat_deg": f"{49 + k * 1e-4}", "lon_deg": "8.4", "alt_msl_m": "120"} for k in range(12)]
+"""A way northwards, 11 m a second."""
 
 
 def missing(look: Look, page: str) -> None:
@@ -164,3 +167,56 @@ def the_address_of_a_phone(look: Look) -> None:
     look.page.get_by_text(look.t("phones.steps.owntracks")).wait_for()
     look.page.get_by_text(look.t("phones.waits")).wait_for()
     expect(look.page.locator(".made pre code")).to_contain_text("/v1/live/owntracks/vsk_")
+
+
+@state("15", "bare")
+def a_browser_that_is_ready_to_record(look: Look) -> None:
+    """What it cannot do is said before it begins, and where better ways are."""
+    look.go("/record")
+    look.page.get_by_role("button", name=look.t("record.start")).wait_for()
+    for limit in ("barometer", "screen", "front", "heights"):
+        look.page.get_by_text(look.t(f"record.limit.{limit}")).wait_for()
+        look.page.get_by_text(look.t(f"record.limit.{limit}_why")).wait_for()
+    better = look.main.get_by_role("link", name=look.t("record.better"))
+    expect(better).to_have_attribute("href", "/docs/how-to/record")
+
+
+@state("15", "bare")
+def a_browser_that_records(look: Look) -> None:
+    """Its figures, a gap that is told, and the limits in short."""
+    recorded(look)
+    for _ in range(8):
+        look.page.clock.run_for(1000)
+    look.page.get_by_text(look.t("record.silent")).wait_for()
+    figures = look.page.locator(".figures")
+    expect(figures).to_contain_text("± 3 m")
+    expect(figures).to_contain_text(look.t("record.motion_is.delivers"))
+    look.page.get_by_text(look.t("record.limit.front")).wait_for()
+
+
+@state("15", "bare")
+def a_recording_that_is_kept_and_one_that_was_sent(look: Look) -> None:
+    """One can be sent, gone on with, downloaded or deleted; of the other the drive is shown."""
+    phone = recorded(look)
+    look.page.get_by_role("button", name=look.t("record.stop")).click()
+    look.page.get_by_role("button", name=look.like("record.send_named")).click()
+    look.page.get_by_text(look.t("upload.is_roads")).wait_for()
+    for positions in (1, 8):
+        look.page.get_by_role("button", name=look.t("record.start")).click()
+        look.tab.await_true(f"{COUNTED} > 0")
+        phone.drive(PLACES[1:positions])
+        look.page.get_by_role("button", name=look.t("record.stop")).click()
+    look.page.get_by_text(look.t("record.nothing")).wait_for()
+    for key in ("send_named", "go_on_named", "download_named", "delete_named"):
+        look.page.get_by_role("button", name=look.like(f"record.{key}")).first.wait_for()
+
+
+def recorded(look: Look) -> Phone:
+    """Start a recording, with some positions on a day of this combination's own."""
+    phone = Phone(look.tab, 1_700_000_000.0 + look.nth * MANY_DAYS_S)
+    phone.stand(PLACES[0])
+    look.go("/record")
+    look.page.get_by_role("button", name=look.t("record.start")).click()
+    look.tab.await_true(f"{COUNTED} > 0")
+    phone.drive(PLACES[1:])
+    return phone

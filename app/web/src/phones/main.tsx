@@ -23,7 +23,9 @@ function Content() {
   return (
     <Page name="phones">
       <h1>{t("phones.title")}</h1>
-      <p class="intro">{t("phones.what")}</p>
+      <p class="intro">
+        {t("phones.what")} <a href="/record">{t("phones.by_browser")}</a>
+      </p>
       {HERE_ONLY.test(location.hostname) && (
         <p class="card warn-text">{t("phones.here_only", { host: location.host })}</p>
       )}

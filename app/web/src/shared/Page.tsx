@@ -18,13 +18,13 @@ import { switchTheme, theme } from "./theme";
 import "./style.css";
 
 const PAGES = ["map", "upload", "drives", "admin", "docs"] as const;
-export type PageName = (typeof PAGES)[number] | "keys" | "login" | "owner" | "phones";
+export type PageName = (typeof PAGES)[number] | "keys" | "login" | "owner" | "phones" | "record";
 /** Pages for operators alone. */
 const OPERATORS: readonly PageName[] = ["admin"];
 /** Pages for everybody. */
 const OPEN: readonly PageName[] = ["docs", "login"];
 /** Pages that show sentences of the service at once. */
-const SAYING: readonly PageName[] = ["admin", "docs", "drives", "upload"];
+const SAYING: readonly PageName[] = ["admin", "docs", "drives", "record", "upload"];
 
 /** Pages that say so where there are no roads yet. The map says it in its own place. */
 const NEED_ROADS: readonly PageName[] = ["upload", "drives", "admin"];

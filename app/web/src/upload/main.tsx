@@ -1,12 +1,12 @@
 import { useEffect, useState } from "preact/hooks";
 import { size } from "../shared/format";
 import { Page, show } from "../shared/Page";
-import { may, session } from "../shared/session";
 import { t } from "../shared/texts";
 import { Adding } from "./Adding";
 import { items, overall, removeDone, retryAll } from "./queue";
 import { Row } from "./Row";
 import { begin } from "./reload";
+import { Seen } from "./Seen";
 import "./upload.css";
 
 const TOLD_EVERY_MS = 3000;
@@ -74,26 +74,14 @@ function Overall() {
   );
 }
 
-/** Who will see what of it. */
-function Seen() {
-  const now = session();
-  if (now === null) return null;
-  const seen = now.access === "open" ? "open" : now.public_map;
-  return (
-    <p class="intro quiet-text">
-      {t(`upload.seen.${seen}`, { n: now.public_owners ?? 0 })}{" "}
-      {may("own") && <a href="/owner">{t("upload.your_data")}</a>}
-    </p>
-  );
-}
-
 function Content() {
   return (
     <Page name="upload">
       <h1>{t("upload.title")}</h1>
       <p class="intro">{t("upload.intro")}</p>
       <p class="intro">
-        <a href="/phones">{t("upload.by_phone")}</a>
+        <a href="/phones">{t("upload.by_phone")}</a> {t("upload.or")}{" "}
+        <a href="/record">{t("upload.by_browser")}</a>
       </p>
       <Seen />
       <Adding />

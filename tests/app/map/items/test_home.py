@@ -51,7 +51,9 @@ def test_its_sign_may_be_shown(reading: Any) -> None:
     assert "img-src 'self'" in answer.headers["content-security-policy"]
 
 
-@pytest.mark.parametrize("name", ["map", "upload", "drives", "admin", "keys", "owner", "login", "drives/1"])
+@pytest.mark.parametrize(
+    "name", ["map", "upload", "drives", "admin", "keys", "owner", "login", "record", "drives/1"]
+)
 def test_a_page_without_scripts_leads_on(reading: Any, name: str) -> None:
     without = re.search("<noscript>(.*?)</noscript>", reading.client.get(f"/{name}").text)
     assert without is not None
