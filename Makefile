@@ -36,16 +36,19 @@ test test-all coverage fuzz check-tests: export OMP_NUM_THREADS := 1
 test: setup  ## every test but the long ones, on a private PostGIS, the pages' in Chromium; names the ten slowest
 	@.ci/prepare chromium
 	@.ci/prepare pgbouncer
+	@.ci/prepare qgis
 	@$(BIN)/python -m pytest $(SPREAD) -m "not long"
 
 test-all: setup  ## every test, also what is long by nature: a soak, fuzzers for a minute each, more examples
 	@.ci/prepare chromium
 	@.ci/prepare pgbouncer
+	@.ci/prepare qgis
 	@FUZZ_SECONDS=$(or $(FUZZ),60) $(BIN)/python -m pytest $(SPREAD) --timeout=0 --hypothesis-profile=thorough
 
 coverage: setup  ## which lines and branches the tests reach, in build/coverage/index.html
 	@.ci/prepare chromium
 	@.ci/prepare pgbouncer
+	@.ci/prepare qgis
 	@$(BIN)/python -m pytest $(SPREAD) -m "not long" --cov --cov-report=term --cov-report=html:build/coverage
 
 fuzz: setup  ## readers, routes and filters with inputs at random (FUZZ=600: seconds for each fuzzer)
