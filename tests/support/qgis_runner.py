@@ -32,12 +32,18 @@ SHARED = ["/usr/share/qgis/python", "/usr/share/qgis/python/plugins"]
 
 
 class Feedback(QgsProcessingFeedback):  # type: ignore[misc]
-    """Keeps what is said."""
+    """Keeps what is said; ``impatient``: a person who cancels at the first word of progress."""
 
-    def __init__(self) -> None:
+    def __init__(self, impatient: bool = False) -> None:
         super().__init__(False)
+        self.impatient = impatient
         self.said: list[str] = []
         self.errors: list[str] = []
+
+    def setProgressText(self, text: str) -> None:  # noqa: N802
+        del text
+        if self.impatient:
+            self.cancel()
 
     def pushInfo(self, info: str) -> None:  # noqa: N802
         self.said.append(info)
@@ -101,10 +107,15 @@ def stored_login(name: str, password: str) -> str:
 
 
 def run(
-    registry: Any, logins: dict[str, str], algorithm: str, parameters: dict[str, Any], draw: str | None = None
+    registry: Any,
+    logins: dict[str, str],
+    algorithm: str,
+    parameters: dict[str, Any],
+    draw: str | None = None,
+    cancel: bool = False,
 ) -> dict[str, Any]:
     """One algorithm, as the toolbox runs it."""
-    context, feedback = QgsProcessingContext(), Feedback()
+    context, feedback = QgsProcessingContext(), Feedback(cancel)
     context.setProject(QgsProject.instance())
     given = {name: _given(value, logins) for name, value in parameters.items()}
     where = given.pop("FILE", "TEMPORARY_OUTPUT")

@@ -113,6 +113,7 @@ def test_slopes_of_an_area_come_whole_with_their_types_and_are_drawn(
         {"algorithm": "slopes", "parameters": {"SERVER": big.base, "EXTENT": EVERYWHERE, "DRIVEN": False}},
         {"algorithm": "slopes", "parameters": {"EXTENT": area}, "draw": str(tmp_path / "map.png")},
         {"algorithm": "slopes", "parameters": {"EXTENT": EVERYWHERE, "FILE": str(tmp_path / "slopes.gpkg")}},
+        {"algorithm": "slopes", "parameters": {"EXTENT": EVERYWHERE, "DRIVEN": False}, "cancel": True},
     )  # fmt: skip
     assert answer["metadata"]["hasProcessingProvider"] == "yes"
     offered = {"id": "versant", "name": "Versant", "version_available": code_version(), "error": ""}
@@ -120,8 +121,9 @@ def test_slopes_of_an_area_come_whole_with_their_types_and_are_drawn(
     assert answer["algorithms"] == ["versant:profile", "versant:slopes", "versant:upload"]
     assert answer["kept_server"] == big.base, "it worked, so it is the next form's"
     assert not answer["left"]
-    everything, driven, file = answer["runs"]
-    assert [one["errors"] for one in answer["runs"]] == [[], [], []]
+    everything, driven, file, cancelled = answer["runs"]
+    assert [one["errors"] for one in answer["runs"]] == [[]] * 4
+    assert len(cancelled["layer"]["rows"]) == big.settings.items_limit_max, "no page more was asked for"
 
     rows = {row["id"]: row for row in everything["layer"]["rows"]}
     truth = stored(big)
