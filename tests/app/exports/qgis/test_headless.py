@@ -37,6 +37,8 @@ _HEIGHTS = (
     "UPDATE segment_slopes SET height_from_m = 100, height_to_m = 106, height_sigma_m = 0.5 WHERE drives > 0"
 )
 EVERYWHERE = "-180,180,-90,90 [EPSG:4326]"
+EXACT = ["osm_way_id", "from_node", "to_node", "length_m", "highway", "name", "oneway", "bridge", "drives"]
+"""Properties that come as they are stored."""
 Run = Callable[..., dict[str, Any]]
 
 
@@ -128,18 +130,7 @@ def test_slopes_of_an_area_come_whole_with_their_types_and_are_drawn(
     rows = {row["id"]: row for row in everything["layer"]["rows"]}
     truth = stored(big)
     assert len(rows) == len(truth) > 2 * big.settings.items_limit_max, "several pages"
-    exact = (
-        "osm_way_id",
-        "from_node",
-        "to_node",
-        "length_m",
-        "highway",
-        "name",
-        "oneway",
-        "bridge",
-        "drives",
-    )
-    assert {n: {name: row[name] for name in exact} for n, row in rows.items()} == truth
+    assert {n: {name: row[name] for name in EXACT} for n, row in rows.items()} == truth
     assert min(truth) == BIG
     types = everything["layer"]["types"]
     assert {types[name] for name in ("id", "osm_way_id", "from_node", "to_node", "drives")} == {"qlonglong"}
@@ -168,19 +159,8 @@ def stored(web: Web) -> dict[int, dict[str, Any]]:
             coalesce(drives, 0)
         FROM segments LEFT JOIN segment_slopes ON segment_id = id
     """
-    names = (
-        "osm_way_id",
-        "from_node",
-        "to_node",
-        "length_m",
-        "highway",
-        "name",
-        "oneway",
-        "bridge",
-        "drives",
-    )
     with web.sessions() as session:
-        return {row[0]: dict(zip(names, row[1:], strict=True)) for row in session.execute(text(query))}
+        return {row[0]: dict(zip(EXACT, row[1:], strict=True)) for row in session.execute(text(query))}
 
 
 def test_a_profile_runs_along_each_part_of_each_line(big: Web, qgis: Run) -> None:
