@@ -38,9 +38,10 @@ test: setup  ## every test but the long ones, on a private PostGIS, the pages' i
 	@.ci/prepare pgbouncer
 	@$(BIN)/python -m pytest $(SPREAD) -m "not long"
 
-test-all: setup  ## every test, also what is long by nature: a soak, fuzzers for a minute each, more examples
+test-all: setup  ## every test, also what is long by nature: a soak, fuzzers for a minute each, more examples, the plug-in in QGIS
 	@.ci/prepare chromium
 	@.ci/prepare pgbouncer
+	@.ci/prepare qgis
 	@FUZZ_SECONDS=$(or $(FUZZ),60) $(BIN)/python -m pytest $(SPREAD) --timeout=0 --hypothesis-profile=thorough
 
 coverage: setup  ## which lines and branches the tests reach, in build/coverage/index.html

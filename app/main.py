@@ -56,6 +56,7 @@ from app.drives.person import routes as person
 from app.drives.store import get_drives
 from app.drives.trials import routes as trials
 from app.exports import routes as exports
+from app.exports.qgis import routes as qgis
 from app.map import segments
 from app.map.heights import routes as heights
 from app.map.items import collection_routes as collections
@@ -103,6 +104,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     heights.router,
     tiles.ogc_router,
     exports.router,
+    qgis.router,
     releases.router,
     sources.router,
     operations.router,

@@ -39,6 +39,7 @@ LIBRARY = {
     "lags": {"methods", "network"},
     "together": {"lags", "methods", "network", "roads", "terrain"},
     "results": {"methods", "network", "together", "roads", "terrain"},
+    "scoring": {"simulate"},
     "simulate": {"formats", "gnss", "roads"},
     "__init__": {"formats", "pipeline", "results", "roads", "terrain"},
 }

@@ -48,6 +48,9 @@ _TABLE = {
         GET /phones
         GET /problems
         GET /problems/{slug}
+        GET /qgis/plugins.xml
+        GET /qgis/slopes.qml
+        GET /qgis/versant.zip
         GET /readyz
         GET /record
         GET /sprites/{file}

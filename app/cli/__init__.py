@@ -108,6 +108,10 @@ COMMANDS = {
         "app.cli.track",
         "Study the residuals of a drive's satellites: by satellite, by reception, and which law they follow.",
     ),
+    "score": Command(
+        "app.cli.scoring.command",
+        "Measure height profiles of any program against surveyed heights: errors of grade by length.",
+    ),
     "simulate": Command(
         "app.cli.simulate",
         "Make a hilly town (town.osm, dem.tif), drives through it, and their true slopes (truth.csv).",

@@ -101,6 +101,7 @@ def test_a_wheel_holds_the_pages_and_not_how_they_are_made(wheel: Path) -> None:
     assert [name for name in names if name.startswith(("app/web/src/", "app/web/plugins/"))] == []
     assert [name for name in names if "node_modules" in name or name.endswith((".ts", ".tsx"))] == []
     assert "app/map/items/templates/plain.css" in names
+    assert {f"app/exports/qgis/plugin/{name}" for name in ("__init__.py", "icon.svg")} <= names
 
 
 def test_what_is_installed_serves_the_pages(wheel: Path, tmp_path: Path) -> None:

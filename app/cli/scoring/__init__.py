@@ -1,0 +1,1 @@
+"""``versant score``: profiles of any program against surveyed heights."""
