@@ -181,6 +181,7 @@ def test_the_front_door_leads_to_every_page(web: Web, tab: Tab) -> None:
     assert [one.get_attribute("href") for one in cards.all()] == [
         "/map",
         "/upload",
+        "/record",
         "/drives",
         "/admin",
         "/docs",

@@ -47,21 +47,25 @@ export function creditInView(map: LibreMap, name: string): void {
   };
   const tell = () => {
     const of = tiles;
-    if (!of?.attribution) return;
-    const view = map.getBounds();
-    const box = [view.getWest(), view.getSouth(), view.getEast(), view.getNorth()];
-    const said = withCredits(of.attribution, creditsIn(of["versant:elevation"] ?? [], box));
+    let said: string | undefined;
+    if (of?.attribution) {
+      const view = map.getBounds();
+      const box = [view.getWest(), view.getSouth(), view.getEast(), view.getNorth()];
+      said = withCredits(of.attribution, creditsIn(of["versant:elevation"] ?? [], box));
+    }
     // What is said by another source as well stands there once.
-    for (const id of Object.keys(map.getStyle().sources)) change(id, id === name ? () => said : inOwnWords);
+    for (const id of Object.keys(map.getStyle().sources)) {
+      change(id, (credit) => (id === name && said !== undefined ? said : inOwnWords(credit)));
+    }
   };
+  // From a source's first word on, and again where another style brings it anew.
+  map.on("sourcedata", (event) => event.sourceDataType === "metadata" && tell());
   map.once("idle", () => {
     getJson<Tiles>("/tiles.json")
       .then((document) => {
         tiles = document;
         tell();
         map.on("moveend", tell);
-        // Another style brings the source anew.
-        map.on("sourcedata", (event) => event.sourceDataType === "metadata" && tell());
       })
       .catch(() => undefined); // the whole credit stays
   });
