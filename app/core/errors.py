@@ -264,6 +264,7 @@ KINDS: Mapping[type[Exception], Kind] = {
             (415, fusion.UnknownFormatError, "Unknown log format", "No reader knows the bytes."),
             (422, fusion.EmptyLogError, "Log without positions", "No row of the log can be used."),
             (422, fusion.MalformedLogError, "Broken log", "The log is broken beyond skipping."),
+            (422, fusion.NotOnRoadsError, "Not on roads", "The log is of another sport than was asked for."),
             (422, fusion.LogError, "Unusable log", "The log cannot be used."),
             (422, fusion.RoadsError, "Unusable road file", "The road file cannot be used."),
             (422, fusion.TerrainError, "Unusable elevation file", "The raster cannot be used."),

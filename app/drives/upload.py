@@ -5,6 +5,7 @@ Nothing is held on disk but the blob. Knows neither formats of bodies nor SQL.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 
 from app.access.quotas import Quotas
 from app.core.blobs import BlobStore
-from app.core.errors import QuotaError
+from app.core.errors import BadRequestError, QuotaError
 from app.core.http import QUOTA_HEADERS, BaseUrl, ServiceDep, problems, quota_used_up
 from app.core.messages import say
 from app.core.receiving.files import least_bytes, receive_files
@@ -81,6 +82,14 @@ class UploadRequest(MethodRequest):
         "goes on, are one drive, others are drives of their own; `apart`: what is not sure to be one drive is several; "
         "`one`: all of them are one drive.",
     )
+    sports: list[str] = Field(
+        [],
+        description="What was recorded as another sport is left out, by what the files say of it (`session` of FIT, "
+        "`Sport` of TCX, `type` of GPX, Strava's list of activities): `roads` are cycling, driving and motorcycling; "
+        "other sports by their names, such as `jogging`. May be repeated; without it everything is taken. What tells "
+        "no sport always is.",
+        examples=[["roads"]],
+    )
     filename: str | None = Field(
         None,
         description="Name of the file where the body is the log itself; also `X-Filename`.",
@@ -134,6 +143,7 @@ async def upload_drive(
     wanted_options = with_positioning(query.asked_options() or {}, positioning)
     wanted_options |= asked_columns(query.columns)
     check_options(estimator, wanted_options)
+    sports = _asked_sports(query.sports)
     look = FirstLook(wanted_options.get("columns"))
     quotas = Quotas(settings)
 
@@ -145,7 +155,7 @@ async def upload_drive(
     except QuotaError as error:
         refused(error)
         raise
-    files = await receive_upload(request, service.blobs, settings, look, query.grouping)
+    files = await receive_upload(request, service.blobs, settings, look, query.grouping, sports)
     uploaded = await run_in_threadpool(
         register_drives,
         service.sessions,
@@ -162,8 +172,29 @@ async def upload_drive(
     return uploaded.document(base)
 
 
+def _asked_sports(names: Sequence[str]) -> frozenset[str] | None:
+    """Which sports are taken; None: every one. Raises ``BadRequestError``."""
+    if not names:
+        return None
+    # with the formats, which are loaded where something is uploaded
+    from fusion.formats.archives.sports import ON_ROADS, SPORTS, chosen  # noqa: PLC0415
+
+    try:
+        named = chosen(name for name in names if name != "roads")
+    except ValueError as error:
+        raise BadRequestError(
+            say("upload.no_sport", name=str(error), known=["roads", *SPORTS]), field="sports"
+        ) from None
+    return named | ON_ROADS if "roads" in names else named
+
+
 async def receive_upload(
-    request: Request, blobs: BlobStore, settings: Settings, look: FirstLook, rule: Rule = Rule.AUTO
+    request: Request,
+    blobs: BlobStore,
+    settings: Settings,
+    look: FirstLook,
+    rule: Rule = Rule.AUTO,
+    sports: Collection[str] | None = None,
 ) -> Sorted:
     """Store the files of the request's body as a blob for each drive that they are.
 
@@ -177,7 +208,7 @@ async def receive_upload(
     def begin(announced_bytes: int) -> SortedUpload:
         bundle = UploadBundle(blobs, expected_bytes=announced_bytes, look=look, **limits)
         return SortedUpload(
-            bundle, partial(blobs.writer, **limits), blobs, settings.max_log_bytes, rule, look.columns
+            bundle, partial(blobs.writer, **limits), blobs, settings.max_log_bytes, rule, look.columns, sports
         )
 
     most = settings.max_upload_bytes

@@ -117,7 +117,10 @@ class Looker:
     def look(self, stream: IO[bytes], name: str, packed_bytes: int | None = None) -> Looked:
         """Look at an open file; raises ``OSError``. ``packed_bytes`` as ``ends_of`` takes it."""
         ends, content = ends_of(stream, self.max_bytes, packed_bytes)
-        return self.judged(ends, content, name)
+        looked = self.judged(ends, content, name)
+        if looked.kind is Kind.BROKEN and self._is_other_table(ends):
+            return looked.as_other(Kind.NOT_A_LOG, looked.reason)
+        return looked
 
     def judged(self, ends: Ends, content: str, name: str) -> Looked:
         """What the ends of a file tell; ``content`` is its digest."""
@@ -129,8 +132,7 @@ class Looker:
             glance = glance_at(ends, name, self.columns)
         except LogError as error:
             looked = replace(looked, sport=family(told.sport))
-            is_table = isinstance(error, MalformedLogError) and self._is_other_table(ends)
-            return looked.as_other(Kind.NOT_A_LOG if is_table else kind_of(error), in_short(error))
+            return looked.as_other(kind_of(error), in_short(error))
         if ends.is_short and np.isnan(told.distance_m):
             looked = replace(looked, distance_m=along_m(glance.track[:, 1:]))
         looked = replace(looked, first_s=glance.first_s, last_s=glance.last_s, glance=thinned(glance))
