@@ -102,6 +102,19 @@ class Sent:
     left_out: list[dict[str, Any]]
 
 
+def query_of(
+    *,
+    method: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    gnss: str | None = None,
+    grouping: str | None = None,
+) -> dict[str, str]:
+    """How an upload is to be computed, as its address says it."""
+    asked = {"method": method, "gnss": gnss, "grouping": grouping}
+    query = {name: value for name, value in asked.items() if value}
+    return query | ({"options": json.dumps(dict(options))} if options else {})
+
+
 def link_of(document: Mapping[str, Any], rel: str, kind: str | None = None) -> str | None:
     """The address of the document's link of that relation and, if given, media type; None without one."""
     links = (
@@ -180,10 +193,7 @@ class Client:
         Raises ``ClientError`` when the service refuses it or is not there, ``OSError`` when a file cannot
         be read.
         """
-        asked = {"method": method, "gnss": gnss, "grouping": grouping}
-        query = {name: value for name, value in asked.items() if value}
-        if options:
-            query["options"] = json.dumps(dict(options))
+        query = query_of(method=method, options=options, gnss=gnss, grouping=grouping)
         with ExitStack() as stack:
             parts = []
             for path in paths:
@@ -192,7 +202,10 @@ class Client:
                 parts.append(("file", (path.name, body, "application/octet-stream")))
             headers = {"Idempotency-Key": f'"{key}"'} if key else None
             answer = self.request("POST", "/v1/drives", params=query, files=parts, headers=headers)
-        document = answer.json()
+        return self.sent(answer.json())
+
+    def sent(self, document: dict[str, Any]) -> Sent:
+        """What the answer to an upload says, with its drives as they stand now."""
         parts_of = document.get("drives") or [{"id": document["id"]}]  # of older services
         return Sent(
             [self.drive(str(one["id"])) for one in parts_of], parts_of, document.get("left_out") or []

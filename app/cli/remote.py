@@ -197,13 +197,14 @@ def _send(
 ) -> list[Upload]:
     """Upload files; ``computation`` is what ``Client.send`` takes beside them. What came of them."""
     from app.cli.client import RefusedKeyError
+    from app.cli.uploads.delivering import deliver
 
     try:
         files = source.files()
         advance = bars.count(
             say("stage.sending", name=source.short_name), sum(path.stat().st_size for path in files)
         )
-        sent = client.send(*files, **computation, sent=advance)
+        sent = deliver(client, tuple(files), computation, sent=advance)
     except RefusedKeyError:
         raise  # said once, not per file
     except (FusionError, OSError) as error:

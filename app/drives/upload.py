@@ -5,7 +5,7 @@ Nothing is held on disk but the blob. Knows neither formats of bodies nor SQL.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -138,12 +138,7 @@ async def upload_drive(
     nothing; a drive that fails or is removed later counts.
     """
     settings = service.settings
-    estimator = query.method or default_method(settings)
-    positioning = asked_positioning(query.gnss, query.gnss_option)
-    wanted_options = with_positioning(query.asked_options() or {}, positioning)
-    wanted_options |= asked_columns(query.columns)
-    check_options(estimator, wanted_options)
-    sports = _asked_sports(query.sports)
+    estimator, wanted_options, sports = asked_of(query, settings)
     look = FirstLook(wanted_options.get("columns"))
     quotas = Quotas(settings)
 
@@ -170,6 +165,16 @@ async def upload_drive(
     first = uploaded.drives[0].drive
     response.headers.update({"Location": drive_address(base, first), **quotas.headers})
     return uploaded.document(base)
+
+
+def asked_of(query: UploadRequest, settings: Settings) -> tuple[str, dict[str, Any], frozenset[str] | None]:
+    """The estimator, its options, and which sports are taken; raises what is wrong with them."""
+    estimator = query.method or default_method(settings)
+    positioning = asked_positioning(query.gnss, query.gnss_option)
+    wanted_options = with_positioning(query.asked_options() or {}, positioning)
+    wanted_options |= asked_columns(query.columns)
+    check_options(estimator, wanted_options)
+    return estimator, wanted_options, _asked_sports(query.sports)
 
 
 def _asked_sports(names: Sequence[str]) -> frozenset[str] | None:
@@ -202,7 +207,16 @@ async def receive_upload(
     an empty file, ``LogError`` where no file is a log, and what ``UploadBundle`` raises else. Nothing stays in the
     store then.
     """
+    begin = sorting_of(blobs, settings, look, rule, sports)
+    most = settings.max_upload_bytes
+    too_large = say("upload.too_large", most=most)
+    return await receive_files(request, begin, most, too_large)
 
+
+def sorting_of(
+    blobs: BlobStore, settings: Settings, look: FirstLook, rule: Rule, sports: Collection[str] | None
+) -> Callable[[int], SortedUpload]:
+    """Begins to take an upload of so many announced bytes, within the service's limits."""
     limits = {"keep_free_bytes": settings.min_free_bytes, "max_content_bytes": settings.max_log_bytes}
 
     def begin(announced_bytes: int) -> SortedUpload:
@@ -211,6 +225,4 @@ async def receive_upload(
             bundle, partial(blobs.writer, **limits), blobs, settings.max_log_bytes, rule, look.columns, sports
         )
 
-    most = settings.max_upload_bytes
-    too_large = say("upload.too_large", most=most)
-    return await receive_files(request, begin, most, too_large)
+    return begin

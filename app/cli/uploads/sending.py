@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from app.cli.client import Client, ClientError, RefusedKeyError, Sent
+from app.cli.uploads.delivering import deliver
 from app.cli.uploads.journal import Journal
 from app.cli.uploads.patience import ends_all, patiently
 from app.core.messages import say
@@ -106,9 +107,8 @@ class ArchiveSender:
             return Outcome(reason=message_of(self._end))
         several = {"grouping": "one"} if len(ready.paths) > 1 else {"grouping": None}
         try:
-            sent = patiently(
-                lambda: self._client.send(*ready.paths, **{**self._computation, **several}, key=key)
-            )
+            computation = self._computation | several
+            sent = patiently(lambda: deliver(self._client, ready.paths, computation, key=key))
         except RefusedKeyError as error:
             self._end = error
             raise
