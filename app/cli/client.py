@@ -184,11 +184,10 @@ class Client:
         options: Mapping[str, Any] | None = None,
         gnss: str | None = None,
         grouping: str | None = None,
-        key: str | None = None,
         sent: BytesSent | None = None,
     ) -> Sent:
         """Stream files to the service, which makes as many drives of them as they are (``grouping`` as its API has
-        it); the same again give the same drives. ``key`` names the request, should it be asked again.
+        it); the same again give the same drives.
 
         Raises ``ClientError`` when the service refuses it or is not there, ``OSError`` when a file cannot
         be read.
@@ -200,8 +199,7 @@ class Client:
                 file: BinaryIO = stack.enter_context(path.open("rb"))
                 body = _Counted(file, sent) if sent else file
                 parts.append(("file", (path.name, body, "application/octet-stream")))
-            headers = {"Idempotency-Key": f'"{key}"'} if key else None
-            answer = self.request("POST", "/v1/drives", params=query, files=parts, headers=headers)
+            answer = self.request("POST", "/v1/drives", params=query, files=parts)
         return self.sent(answer.json())
 
     def sent(self, document: dict[str, Any]) -> Sent:

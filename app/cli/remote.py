@@ -12,7 +12,7 @@ import app.cli.options as cli
 from app.cli.console import Bars, Console, spoken, write_json
 from app.cli.logs.named import LogFiles, drives_of, unclear_words
 from app.cli.uploads.choice import ArchiveChoice, is_archive
-from app.cli.uploads.rows import SHOWN, Upload, shown_status
+from app.cli.uploads.rows import SENT_BEFORE, SHOWN, Upload, shown_status
 from app.core.messages import say
 from fusion.errors import FusionError
 from fusion.messages import message_of
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from app.core.settings import Settings
 
 app = typer.Typer(add_completion=False)
+
+GONE = 404
 
 SERVER = cli.opt("Address of the service.  [default: VERSANT_SERVER]", metavar="URL")
 KEY = cli.opt(
@@ -237,12 +239,18 @@ def _drives_of(source: LogFiles, sent: Sent) -> list[Upload]:
 
 
 def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
-    from app.cli.client import RefusedKeyError, shown
+    from app.cli.client import ClientError, RefusedKeyError, shown
 
     if one.drive is None:
         return
     show = bars.work(say("stage.fusing", name=one.name))
-    one.drive = client.wait(one.drive.id, seen=shown(show))
+    try:
+        one.drive = client.wait(one.drive.id, seen=shown(show))
+    except ClientError as error:
+        if error.status != GONE or one.status != SENT_BEFORE:
+            raise
+        console.warn(one.name, [message_of(error)])  # somebody removed it since
+        return
     one.reason = one.drive.reason
     if one.drive.status == "done":
         with suppress(RefusedKeyError):  # whoever may upload alone is not shown them

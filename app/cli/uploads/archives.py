@@ -18,7 +18,7 @@ from app.cli.uploads.rows import Upload
 from app.cli.uploads.sending import ArchiveSender, Outcome, keys_of
 from app.core.messages import say
 from app.core.settings.places import default_state_dir
-from fusion.formats.archives.files import File, files_in
+from fusion.formats.archives.files import File, bytes_in
 from fusion.formats.archives.look import Kind
 from fusion.formats.archives.manifest import manifest_of
 from fusion.formats.grouping import Rule
@@ -53,7 +53,7 @@ class Archives:
         contents: dict[tuple[str, str], str] = {}
         found = []
         for root in roots:
-            more = bars.count(say("stage.looking", name=root.name), sum(1 for _ in files_in(root)))
+            more = bars.count(say("stage.looking", name=root.name), bytes_in(root))
             manifest = manifest_of(root, looker, rule, _counting(more), contents)
             found.append(Archive(root, manifest))
         archives = cls(found, choice, console)
@@ -134,4 +134,4 @@ class Archives:
 
 
 def _counting(more: Callable[[int], None]) -> Callable[[File], None]:
-    return lambda file: more(1)
+    return lambda file: more(file.size)

@@ -25,7 +25,6 @@ def deliver(
     paths: tuple[Path, ...],
     computation: dict[str, Any],
     *,
-    key: str | None = None,
     sent: Callable[[int], None] | None = None,
 ) -> Sent:
     """Send the files of an upload; raises as ``Client.send``."""
@@ -35,7 +34,7 @@ def deliver(
         except ClientError as error:
             if error.status not in WITHOUT_PARTS:
                 raise
-    return client.send(*paths, **computation, key=key, sent=sent)
+    return client.send(*paths, **computation, sent=sent)
 
 
 def _in_parts(

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 SHOWN = ("file", "drive", "status", "segments")
 """What the table shows of each upload; why one failed is said once, on standard error."""
 
+SENT_BEFORE = "sent before"
+"""The status of a drive that an earlier run sent, of which no more is asked."""
+
 NO_LOGS = frozenset({"unknown-format", "repeated", "no-drive", "not-on-roads"})
 """Kinds of files that nobody misses where they are left out."""
 

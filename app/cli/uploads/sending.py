@@ -16,6 +16,7 @@ from app.cli.client import Client, ClientError, RefusedKeyError, Sent
 from app.cli.uploads.delivering import deliver
 from app.cli.uploads.journal import Journal
 from app.cli.uploads.patience import ends_all, patiently
+from app.cli.uploads.rows import SENT_BEFORE
 from app.core.messages import say
 from app.drives.receiving.zips import content_of_files
 from fusion.errors import FusionError, MalformedLogError
@@ -44,7 +45,7 @@ class Outcome:
         """As the table says it."""
         if self.drive is None:
             return "not sent"
-        return "sent before" if self.before else "known" if self.known else "queued"
+        return SENT_BEFORE if self.before else "known" if self.known else "queued"
 
 
 def as_line(outcome: Outcome) -> dict[str, Any]:
@@ -108,7 +109,7 @@ class ArchiveSender:
         several = {"grouping": "one"} if len(ready.paths) > 1 else {"grouping": None}
         try:
             computation = self._computation | several
-            sent = patiently(lambda: deliver(self._client, ready.paths, computation, key=key))
+            sent = patiently(lambda: deliver(self._client, ready.paths, computation))
         except RefusedKeyError as error:
             self._end = error
             raise

@@ -86,6 +86,17 @@ def files_in(root: Path) -> Iterator[File]:
         yield file
 
 
+def bytes_in(root: Path) -> int:
+    """About how many bytes the files below a folder or in a zip have: what a progress bar counts to."""
+    if root.is_dir():
+        return sum(path.stat().st_size for path in root.rglob("*") if path.is_file())
+    try:
+        with zipfile.ZipFile(root) as archive:
+            return sum(info.file_size for info in archive.infolist())
+    except (*BROKEN, OSError):
+        return root.stat().st_size
+
+
 def _in_folder(root: Path) -> Iterator[File]:
     for path in sorted(root.rglob("*")):
         name = path.relative_to(root).as_posix()

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import text
 from typer.testing import CliRunner, Result
 
 from app.cli import app
@@ -166,3 +167,56 @@ def test_one_drive_that_is_refused_keeps_none_of_the_others(web: Any, tmp_path: 
     assert files["locked.zip"]["kind"] == "malformed-log"
     assert files["bad.csv"]["outcome"] == "left out"
     assert len(drives_of(web)) == made.drives
+
+
+def test_a_quota_that_is_used_up_ends_it_for_the_day(web: Any, tmp_path: Path) -> None:
+    made, figures = make_archive(tmp_path / "years", 20), tmp_path / "figures.json"
+    command = (
+        "upload",
+        made.root,
+        "--server",
+        web.base,
+        "--journal",
+        tmp_path / "j.jsonl",
+        "--json",
+        figures,
+    )
+
+    def outcomes(quota: int | None) -> Counter[str]:
+        with web.sessions.begin() as session:
+            session.execute(text("UPDATE owners SET quota_drives = :quota"), {"quota": quota})
+        assert run(*command).exit_code == (1 if quota else 0)
+        return Counter(one["outcome"] for one in json.loads(figures.read_text())["files"])
+
+    assert outcomes(3) == {"queued": 3, "not sent": made.drives - 3, "left out": made.files - made.drives}
+    reasons = {
+        one["reason"] for one in json.loads(figures.read_text())["files"] if one["outcome"] == "not sent"
+    }
+    assert all("You may upload 3 drives a day" in reason for reason in reasons)
+    rest = {"sent before": 3, "queued": made.drives - 3, "left out": made.files - made.drives}
+    assert outcomes(None) == rest
+    assert len(drives_of(web)) == made.drives
+
+
+def test_waiting_passes_over_what_was_removed_since(web: Any, tmp_path: Path) -> None:
+    made, figures = make_archive(tmp_path / "years", 6), tmp_path / "figures.json"
+    command = [
+        "upload",
+        made.root,
+        "--server",
+        web.base,
+        "--journal",
+        tmp_path / "j.jsonl",
+        "--json",
+        figures,
+    ]
+    assert run(*command).exit_code == 0
+    with web.sessions.begin() as session:
+        session.execute(
+            text("UPDATE drives SET status = 'failed', failure_reason = 'No.', finished_at = now()")
+        )
+        session.execute(text("DELETE FROM drives WHERE filename LIKE '%.csv'"))
+    result = run(*command, "--wait")
+    assert result.exit_code == 1  # the others failed
+    statuses = Counter(one["status"] for one in json.loads(figures.read_text())["uploads"])
+    assert statuses == {"failed": made.drives - 1, "sent before": 1, "left out": made.files - made.drives}
