@@ -182,15 +182,14 @@ def _asked_sports(names: Sequence[str]) -> frozenset[str] | None:
     if not names:
         return None
     # with the formats, which are loaded where something is uploaded
-    from fusion.formats.archives.sports import ON_ROADS, SPORTS, chosen  # noqa: PLC0415
+    from fusion.formats.archives.sports import ROADS, SPORTS, chosen  # noqa: PLC0415
 
     try:
-        named = chosen(name for name in names if name != "roads")
+        return chosen(names)
     except ValueError as error:
         raise BadRequestError(
-            say("upload.no_sport", name=str(error), known=["roads", *SPORTS]), field="sports"
+            say("upload.no_sport", name=str(error), known=[ROADS, *SPORTS]), field="sports"
         ) from None
-    return named | ON_ROADS if "roads" in names else named
 
 
 async def receive_upload(

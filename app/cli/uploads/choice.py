@@ -39,17 +39,24 @@ class ArchiveChoice:
     def looker(self, columns: Mapping[str, str]) -> Looker:
         """How files are looked at; raises ``typer.BadParameter`` for a sport that nobody knows."""
         from fusion.formats.archives.look import Looker
-        from fusion.formats.archives.sports import ON_ROADS, SPORTS, chosen
+        from fusion.formats.archives.sports import ON_ROADS
 
         if self.every_sport:
             return Looker(None, columns)
-        try:
-            return Looker(chosen(self.sports) if self.sports else ON_ROADS, columns)
-        except ValueError as error:
-            known = ", ".join(spoken(one) for one in SPORTS)
-            raise typer.BadParameter(
-                spoken(say("options.no_sport", name=str(error), known=known)), param_hint="'--sports'"
-            ) from error
+        return Looker(asked_sports(self.sports) if self.sports else ON_ROADS, columns)
+
+
+def asked_sports(names: Sequence[str]) -> frozenset[str]:
+    """What ``--sports`` names; raises ``typer.BadParameter`` for a sport that nobody knows."""
+    from fusion.formats.archives.sports import ROADS, SPORTS, chosen
+
+    try:
+        return chosen(names)
+    except ValueError as error:
+        known = ", ".join(spoken(one) for one in (ROADS, *SPORTS))
+        raise typer.BadParameter(
+            spoken(say("options.no_sport", name=str(error), known=known)), param_hint="'--sports'"
+        ) from error
 
 
 def is_archive(path: Path) -> bool:

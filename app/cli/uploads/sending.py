@@ -85,9 +85,9 @@ class ArchiveSender:
                 done(number, from_line(line))
         waiting = [number for number, key in enumerate(keys) if self._journal.outcome(key) is None]
         room = threading.Semaphore(PREPARED)
-        with ThreadPoolExecutor(IN_FLIGHT) as pool:
+        with tempfile.TemporaryDirectory(prefix="versant-") as folder, ThreadPoolExecutor(IN_FLIGHT) as pool:
             futures = []
-            for number, ready in _prepared(root, manifest, waiting):
+            for number, ready in _prepared(root, manifest, waiting, Path(folder)):
                 room.acquire()
 
                 def work(number: int = number, ready: _Ready = ready) -> None:
@@ -149,14 +149,17 @@ class _Ready:
             shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def _prepared(root: Path, manifest: Manifest, wanted: Sequence[int]) -> Iterator[tuple[int, _Ready]]:
-    """The files of each drive that is wanted, as soon as all of them were met with in the archive."""
+def _prepared(
+    root: Path, manifest: Manifest, wanted: Sequence[int], folder: Path
+) -> Iterator[tuple[int, _Ready]]:
+    """The files of each drive that is wanted, as soon as all of them were met with in the archive; unpacked below
+    ``folder``."""
     drives_of = defaultdict[str, list[int]](list)
     for number in wanted:
         for k in manifest.drives[number]:
             drives_of[manifest.files[k].name].append(number)
     missing = {number: len(manifest.drives[number]) for number in wanted}
-    gathered: dict[int, _Gathered] = defaultdict(_Gathered)
+    gathered: dict[int, _Gathered] = defaultdict(lambda: _Gathered(folder))
     for file in files_in(root) if wanted else ():
         for number in drives_of.pop(file.name, ()):
             gathered[number].take(file)
@@ -173,7 +176,8 @@ def _prepared(root: Path, manifest: Manifest, wanted: Sequence[int]) -> Iterator
 class _Gathered:
     """Files of one drive, so far."""
 
-    def __init__(self) -> None:
+    def __init__(self, below: Path) -> None:
+        self._below = below
         self._paths: list[Path] = []
         self._folder: Path | None = None
         self._fault: str | None = None
@@ -183,7 +187,7 @@ class _Gathered:
             self._paths.append(file.path)
             return
         if self._folder is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="versant-"))
+            self._folder = Path(tempfile.mkdtemp(dir=self._below))
         path = self._folder / str(len(self._paths)) / _safe_name(file.name)
         path.parent.mkdir()
         try:

@@ -11,9 +11,10 @@ import re
 import tempfile
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import IO
 
@@ -75,15 +76,18 @@ class File:
 
 def files_in(root: Path) -> Iterator[File]:
     """Every file below a folder, or in a zip, in the order of names, or a file itself; each is to be read before the
-    next is asked for.
+    next is asked for. No two have the same name: a zip may hold one twice.
 
     Raises ``OSError`` where there is nothing, ``MalformedLogError`` for more files than ``MOST_FILES``.
     """
     found = _in_folder(root) if root.is_dir() else _on_disk(root, root.name, "")
+    names = Counter[str]()
     for count, file in enumerate(found):
         if count == MOST_FILES:
             raise MalformedLogError(say("zip.too_many", n=count + 1, most=MOST_FILES))
-        yield file
+        names[file.name] += 1
+        again = names[file.name]
+        yield file if again == 1 else replace(file, name=f"{file.name} ({again})")
 
 
 def bytes_in(root: Path) -> int:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-ON_ROADS = frozenset({"cycling", "driving", "motorcycling"})
-"""What goes on wheels and by roads. Who runs or walks goes by paths and pavements beside them."""
+ROADS, ON_ROADS = "roads", frozenset({"cycling", "driving", "motorcycling"})
+"""What goes on wheels and by roads, in one word. Who runs or walks goes by paths and pavements beside them."""
 
 _STEMS: tuple[tuple[str, str], ...] = (
     (
@@ -72,9 +72,12 @@ def family(words: str) -> str:
 
 
 def chosen(names: Iterable[str]) -> frozenset[str]:
-    """Sports by words for them; ``ValueError`` with the first that is none."""
-    found = set()
+    """Sports by words for them, or by ``ROADS``; ``ValueError`` with the first that is none."""
+    found = set[str]()
     for name in names:
+        if name == ROADS:
+            found |= ON_ROADS
+            continue
         if not (sport := name if name in SPORTS else family(name)):
             raise ValueError(name)
         found.add(sport)

@@ -127,3 +127,13 @@ def test_a_file_that_is_too_large_and_a_bomb_are_read_up_to_a_bound(
     monkeypatch.setattr(walking, "MOST_FILES", 3)
     with pytest.raises(MalformedLogError):
         manifest(tmp_path, {f"{k}.txt": b"x" for k in range(4)})
+
+
+def test_a_name_that_a_zip_holds_twice_is_two_files(tmp_path: Path) -> None:
+    path = tmp_path / "twice.zip"
+    with zipfile.ZipFile(path, "w") as archive, pytest.warns(UserWarning, match="Duplicate name"):
+        for day in range(2):
+            archive.writestr("ride.csv", csv_ride(FIRST + timedelta(days=day)))
+    found = manifest_of(path, Looker())
+    assert [one.name for one in found.files] == ["ride.csv", "ride.csv (2)"]
+    assert len({one.content for one in found.files}) == len(found.drives) == 2
