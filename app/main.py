@@ -42,7 +42,7 @@ from app.core.standby.use import standby_of
 from app.core.telemetry.requests import RequestLog
 from app.core.version import code_version
 from app.drives import catalogue as methods
-from app.drives import feed, upload
+from app.drives import feed, resumable, upload
 from app.drives import routes as drives
 from app.drives.batches import removing
 from app.drives.batches import routes as batches
@@ -84,6 +84,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     zones.router,
     person.router,
     upload.router,
+    resumable.router,
     methods.router,
     batches.router,  # before drives: its path would else be taken for a drive's
     removing.router,

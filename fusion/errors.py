@@ -4,7 +4,8 @@ FusionError
 ├── LogError            a drive log cannot be used
 │   ├── UnknownFormatError       no known format recognises the bytes
 │   ├── EmptyLogError            a known format, but no usable position in it
-│   └── MalformedLogError        a known format, broken beyond skipping
+│   ├── MalformedLogError        a known format, broken beyond skipping
+│   └── NotOnRoadsError          recorded as a sport that nobody asked for, such as swimming
 ├── RoadsError          a road file cannot be used
 ├── TerrainError        an elevation raster cannot be used
 ├── ControlError        a file of surveyed heights cannot be used
@@ -53,6 +54,12 @@ class MalformedLogError(LogError):
     """A known format, broken beyond skipping."""
 
     kind = "malformed-log"
+
+
+class NotOnRoadsError(LogError):
+    """Recorded as a sport that is not wanted."""
+
+    kind = "not-on-roads"
 
 
 class RoadsError(FusionError):

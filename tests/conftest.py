@@ -98,6 +98,7 @@ def environment_of_nobody() -> Iterator[None]:
         for name in [n for n in os.environ if n.startswith(ENV_PREFIX)]:
             patch.delenv(name)
         patch.setenv("XDG_DATA_HOME", home)
+        patch.setenv("XDG_STATE_HOME", home)
         patch.setenv("VERSANT_ACCESS", "open")
         patch.setenv("VERSANT_OPEN_TO_NETWORK", "true")
         get_settings.cache_clear()

@@ -67,6 +67,7 @@ _TABLE = {
         POST /v1/session
         DELETE /v1/session
         GET /web/{name:path}
+        OPTIONS /v1/uploads
         GET /v1/live/senders
     """,
     Rule.LIVE: """
@@ -125,6 +126,10 @@ _TABLE = {
     Rule.UPLOAD: """
         POST /v1/drives
         POST /v1/drives/columns
+        POST /v1/uploads
+        GET /v1/uploads/{upload_id}
+        PATCH /v1/uploads/{upload_id}
+        DELETE /v1/uploads/{upload_id}
         GET /v1/drives/{drive_id}
         GET /v1/drives/{drive_id}/events
     """,

@@ -11,6 +11,7 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Console, spoken, tell, write_json
+from app.cli.uploads.choice import asked_sports
 from app.core.messages import say
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
 
@@ -41,6 +42,11 @@ def batch(
     gnss: str = cli.gnss_name(DEFAULT_POSITIONING),
     gnss_option: list[str] | None = cli.GNSS_OPTION,
     columns: list[str] | None = cli.COLUMNS_OPTION,
+    sports: list[str] | None = cli.opt(
+        "Leave out logs that tell of another sport: `roads` stands for cycling, driving and motorcycling; may be given "
+        "several times. Default: take all.",
+        metavar="NAME",
+    ),
     control: Path | None = cli.CONTROL,
     gaps: bool = cli.GAPS,
     formats: str = cli.opt(
@@ -88,6 +94,7 @@ def batch(
         control=control,
         gaps=gaps,
         formats=_formats(formats),
+        sports=tuple(sorted(asked_sports(sports))) if sports else None,
     )
     if scheduler is not None and (processes or memory):
         raise typer.BadParameter(spoken(say("batch.scheduler")), param_hint="--scheduler")

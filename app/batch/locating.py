@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from app.batch.listing import Log
 from app.batch.opened import DIED, digest, opened, reason_of
 from app.batch.places import cells, place_of_cell
 from fusion.formats import read_log
+from fusion.formats.archives.look import Kind, Looker
 from fusion.types import DriveLog
 
 LOGS_AT_ONCE, BYTES_AT_ONCE = 64, 256 << 20
@@ -50,12 +52,13 @@ class Located(NamedTuple):
 
 @dataclass(frozen=True)
 class Chunk:
-    """Logs that one task looks at; ``columns`` as readers of logs take them."""
+    """Logs that one task looks at; ``columns`` as readers of logs take them, ``sports`` as ``Looker`` does."""
 
     folder: BatchFolder
     key: str
     logs: tuple[Log, ...]
     columns: dict[str, str]
+    sports: tuple[str, ...] | None = None
 
     @property
     def is_done(self) -> bool:
@@ -64,7 +67,9 @@ class Chunk:
 
     def work(self, without: frozenset[int] = frozenset()) -> None:
         """Look at each log but those whose numbers are in ``without``, which kill whoever does."""
-        found = [_looked_at(log, self.columns) for k, log in enumerate(self.logs) if k not in without]
+        found = [
+            _looked_at(log, self.columns, self.sports) for k, log in enumerate(self.logs) if k not in without
+        ]
         for k in sorted(without):
             found.insert(k, ("", NOWHERE, 0, *DIED))
         names = SCHEMA.names
@@ -73,7 +78,7 @@ class Chunk:
 
     def alone(self, k: int) -> None:
         """Look at one log and keep nothing: whether it kills."""
-        _looked_at(self.logs[k], self.columns)
+        _looked_at(self.logs[k], self.columns, self.sports)
 
     def found(self) -> list[Located]:
         """What was found."""
@@ -81,7 +86,13 @@ class Chunk:
         return [Located(log, **row) for log, row in zip(self.logs, rows, strict=True)]
 
 
-def chunks(folder: BatchFolder, logs: Sequence[Log], columns: dict[str, str], version: str) -> list[Chunk]:
+def chunks(
+    folder: BatchFolder,
+    logs: Sequence[Log],
+    columns: dict[str, str],
+    version: str,
+    sports: tuple[str, ...] | None = None,
+) -> list[Chunk]:
     """The logs in runs, in their order."""
     runs: list[list[Log]] = []
     size = 0
@@ -91,7 +102,8 @@ def chunks(folder: BatchFolder, logs: Sequence[Log], columns: dict[str, str], ve
             runs.append([])
             size = log.size
         runs[-1].append(log)
-    return [Chunk(folder, key_of(version, columns, run), tuple(run), columns) for run in runs]
+    chosen = (version, columns) if sports is None else (version, columns, sports)
+    return [Chunk(folder, key_of(*chosen, run), tuple(run), columns, sports) for run in runs]
 
 
 def groups(located: Sequence[Located]) -> list[list[Located]]:
@@ -109,16 +121,27 @@ def groups(located: Sequence[Located]) -> list[list[Located]]:
     return runs
 
 
-def _looked_at(log: Log, columns: dict[str, str]) -> tuple[str, int, int, str, bool]:
+def _looked_at(
+    log: Log, columns: dict[str, str], sports: tuple[str, ...] | None
+) -> tuple[str, int, int, str, bool]:
     try:
         with opened(log) as path:
             sha256 = digest(path)
+            if sports is not None and (other := _other_sport(path, sports)):
+                return sha256, NOWHERE, 0, other, False
             try:
                 return sha256, *_middle(read_log(path, columns=columns)), "", False
             except Exception as error:
                 return sha256, NOWHERE, 0, *reason_of(error)
     except Exception as error:  # any storage fsspec knows, each with errors of its own
         return "", NOWHERE, 0, *reason_of(error)
+
+
+def _other_sport(path: Path, sports: tuple[str, ...]) -> str:
+    """Why a log is not wanted that tells of another sport; empty where it is."""
+    with path.open("rb") as file:
+        looked = Looker(sports).look(file, path.name)
+    return looked.reason if looked.kind is Kind.NOT_ON_ROADS else ""
 
 
 def _middle(log: DriveLog) -> tuple[int, int]:

@@ -59,6 +59,8 @@ class Request:
     control: Path | None
     gaps: bool
     formats: tuple[str, ...]
+    sports: tuple[str, ...] | None = None
+    """Logs that tell of another are left out; None: none is."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def run(request: Request, folder: BatchFolder, hands: Hands, shown: Shown) -> Do
     logs = list_logs(request.logs)
     listing(1)
     choices = _choices(request, folder, shown)
-    looks = chunks(folder, logs, request.options.get("columns", {}), code_version())
+    looks = chunks(folder, logs, request.options.get("columns", {}), code_version(), request.sports)
     _do(looks, hands, shown.count("locating", len(logs)))
     located = [log for one in looks for log in one.found()]
     used, repeated = _each_once(located)

@@ -5,6 +5,7 @@ Knows the API alone, nothing of what is behind it.
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import time
@@ -46,6 +47,13 @@ class ClientError(FusionError):
     """The service cannot be reached, or refused a request; the message is for a person."""
 
     kind = "client"
+
+    def __init__(self, message: str, *, status: int | None = None, retry_after_s: int | None = None) -> None:
+        """``status`` of the answer, None where there was none; ``retry_after_s``: when it asks to be asked again."""
+        super().__init__(message)
+        self.status, self.retry_after_s = status, retry_after_s
+        self.is_lost = False
+        """Whether no answer came."""
 
 
 class BadKeyError(ClientError):
@@ -94,6 +102,19 @@ class Sent:
     left_out: list[dict[str, Any]]
 
 
+def query_of(
+    *,
+    method: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    gnss: str | None = None,
+    grouping: str | None = None,
+) -> dict[str, str]:
+    """How an upload is to be computed, as its address says it."""
+    asked = {"method": method, "gnss": gnss, "grouping": grouping}
+    query = {name: value for name, value in asked.items() if value}
+    return query | ({"options": json.dumps(dict(options))} if options else {})
+
+
 def link_of(document: Mapping[str, Any], rel: str, kind: str | None = None) -> str | None:
     """The address of the document's link of that relation and, if given, media type; None without one."""
     links = (
@@ -134,6 +155,11 @@ class Client:
             auth=self._key,
         )
 
+    @property
+    def key_mark(self) -> str:
+        """Tells keys apart without showing one; empty without a key."""
+        return self._key.mark if self._key else ""
+
     def __enter__(self) -> Self:
         return self
 
@@ -166,10 +192,7 @@ class Client:
         Raises ``ClientError`` when the service refuses it or is not there, ``OSError`` when a file cannot
         be read.
         """
-        asked = {"method": method, "gnss": gnss, "grouping": grouping}
-        query = {name: value for name, value in asked.items() if value}
-        if options:
-            query["options"] = json.dumps(dict(options))
+        query = query_of(method=method, options=options, gnss=gnss, grouping=grouping)
         with ExitStack() as stack:
             parts = []
             for path in paths:
@@ -177,7 +200,10 @@ class Client:
                 body = _Counted(file, sent) if sent else file
                 parts.append(("file", (path.name, body, "application/octet-stream")))
             answer = self.request("POST", "/v1/drives", params=query, files=parts)
-        document = answer.json()
+        return self.sent(answer.json())
+
+    def sent(self, document: dict[str, Any]) -> Sent:
+        """What the answer to an upload says, with its drives as they stand now."""
         parts_of = document.get("drives") or [{"id": document["id"]}]  # of older services
         return Sent(
             [self.drive(str(one["id"])) for one in parts_of], parts_of, document.get("left_out") or []
@@ -235,7 +261,9 @@ class Client:
         except (httpx.TransportError, httpx.InvalidURL) as error:
             key = next(key for kind, key in _TROUBLE.items() if isinstance(error, kind))
             reason = str(error) or type(error).__name__
-            raise ClientError(say(key, server=self.server, reason=reason)) from error
+            lost = ClientError(say(key, server=self.server, reason=reason))
+            lost.is_lost = isinstance(error, httpx.TransportError)
+            raise lost from error
         if (
             answer.next_request is not None
         ):  # not followed: who asked named this server, and the key is for it
@@ -246,25 +274,30 @@ class Client:
 
     def _refusal(self, answer: httpx.Response) -> ClientError:
         """The sentence of a problem document, or the bare status of anything else; of keys what to do."""
+        wish = answer.headers.get("Retry-After", "")
+        told: dict[str, int | None] = {
+            "status": answer.status_code, "retry_after_s": int(wish) if wish.isdigit() else None,
+        }  # fmt: skip
         try:
             problem = answer.json()
             detail = with_key(str(problem["detail"]), problem.get("said"))
             kind = str(problem.get("type", "")).rpartition("/")[2]
         except (ValueError, KeyError, TypeError):
             reason = f"{answer.status_code} {answer.reason_phrase}"
-            return ClientError(say("client.answered", reason=reason, address=answer.request.url))
+            return ClientError(say("client.answered", reason=reason, address=answer.request.url), **told)
         if kind == "unauthorized":
             key = "client.wrong_key" if self._key else "client.no_key"
             return RefusedKeyError(say(key, server=self.server))
         if kind == "forbidden":
             return RefusedKeyError(say("client.small_key", detail=detail))
-        return ClientError(detail)
+        return ClientError(detail, **told)
 
 
 class _Key(httpx.Auth):
     """Shows the key to one server: no link and no redirect carries it elsewhere."""
 
     def __init__(self, key: str, server: str) -> None:
+        self.mark = hashlib.sha256(key.encode()).hexdigest()[:8]
         self._shown, self._origin = f"Bearer {key}", _origin(httpx.URL(server))
 
     def auth_flow(self, request: httpx.Request) -> Generator[httpx.Request, httpx.Response]:

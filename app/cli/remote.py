@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,21 +11,20 @@ import typer
 import app.cli.options as cli
 from app.cli.console import Bars, Console, spoken, write_json
 from app.cli.logs.named import LogFiles, drives_of, unclear_words
+from app.cli.uploads.choice import ArchiveChoice, is_archive
+from app.cli.uploads.rows import SENT_BEFORE, SHOWN, Upload, shown_status
 from app.core.messages import say
 from fusion.errors import FusionError
-from fusion.messages import message_of, remarks_of
+from fusion.messages import message_of
 
 if TYPE_CHECKING:
-    from app.cli.client import Client, RemoteDrive, Sent
+    from app.cli.client import Client, Sent
+    from app.cli.uploads.archives import Archives
     from app.core.settings import Settings
 
 app = typer.Typer(add_completion=False)
 
-SHOWN = ("file", "drive", "status", "segments")
-"""What the table shows of each upload; why one failed is said once, on standard error."""
-
-NO_LOGS = frozenset({"unknown-format", "repeated", "no-drive"})
-"""Kinds of files that nobody misses where they are left out."""
+GONE = 404
 
 SERVER = cli.opt("Address of the service.  [default: VERSANT_SERVER]", metavar="URL")
 KEY = cli.opt(
@@ -64,38 +61,99 @@ def upload(
     gnss_option: list[str] | None = cli.GNSS_OPTION,
     columns: list[str] | None = cli.COLUMNS_OPTION,
     wait: bool = cli.flag("Wait until each drive is done or failed.", "--wait"),
+    dry_run: bool = cli.flag("Only tell what is in an archive.", "--dry-run"),
+    manifest: Path | None = cli.written_file(
+        "--manifest", help="Write what each file of an archive is, as a CSV.", metavar="FILE.csv"
+    ),
+    sports: list[str] | None = cli.opt(
+        "Of an archive take this sport, such as running; may be given several times.  "
+        "[default: cycling, driving and motorcycling]",
+        "--sports",
+        metavar="NAME",
+    ),
+    every_sport: bool = cli.flag("Of an archive take every sport.", "--all"),
+    journal: Path | None = cli.opt(
+        "Where it is kept what was sent of an archive.  [default: a file in ~/.local/state/versant/uploads]",
+        "--journal",
+        metavar="FILE",
+        dir_okay=False,
+    ),
     json_file: Path | None = cli.JSON_FILE,
 ) -> None:
     """Upload drive logs to a service; exit status 1 if any of them failed.
 
     A zip becomes as many drives as are in it, each with a line of its own. The same bytes again are the same drive: an
     upload that broke off may simply be repeated. A drive where no roads are waits for them, and has failed for scripts.
+
+    A folder or a zip of more than 32 files, or with zips in it, is an archive: every file in it and below is looked at
+    first, what is in it is told, and then what is a drive on roads is sent. The same command again goes on.
     """
     console: Console = ctx.obj
+    options = _options(option, gnss_option, columns)
+    if together and apart:
+        raise typer.BadParameter(spoken(say("options.contradict")), param_hint="'--apart'")
+    choice = ArchiveChoice(every_sport, sports, manifest, dry_run, journal)
+    if together and choice.is_made:
+        raise typer.BadParameter(spoken(say("options.no_archive")), param_hint="'--together'")
+    grouping = "one" if together else "apart" if apart else None
+    computation = {"method": method, "options": options, "gnss": gnss, "grouping": grouping}
+    roots = [] if together else [path for path in files if choice.is_made or is_archive(path)]
+    sources = drives_of([path for path in files if path not in roots], together)
+    if dry_run:
+        with console.progress() as bars:
+            archives = _looked(roots, choice, options, console, bars, apart=apart)
+        write_json(json_file, {"files": archives.outcomes() if archives else []})
+        return
+    with service_client(server, key, data_dir) as client, console.progress() as bars:
+        client.get("/healthz")  # a service that is not there is said once, not per file
+        archives = _looked(roots, choice, options, console, bars, apart=apart)
+        uploads = [
+            one for source in sources for one in _send(client, source, computation, bars, console, wait=wait)
+        ]
+        every = uploads + (archives.send(client, computation, bars) if archives else [])
+        if wait:
+            for one in every:
+                _follow(client, one, bars, console)
+    rows = [one.figures() for one in every]
+    shown = [{**row, "status": shown_status(row["status"], row["waits_for"])} for row in rows[: len(uploads)]]
+    figures = {"server": client.server, "uploads": rows}
+    if shown or not archives:
+        console.table(SHOWN, [[row[name] for name in SHOWN] for row in shown])
+    if archives:
+        figures["files"] = archives.outcomes()
+        archives.tell_outcomes()
+    write_json(json_file, figures)
+    if any(one.failed for one in every):
+        raise typer.Exit(1)
+
+
+def _options(
+    option: list[str] | None, gnss_option: list[str] | None, columns: list[str] | None
+) -> dict[str, Any]:
+    """Those of the method, with those of the positioning and the columns among them."""
     options = cli.parse_assignments(option, "--option")
     if gnss_option:
         options["gnss_options"] = cli.parse_assignments(gnss_option, "--gnss-option")
     if columns:
         options["columns"] = cli.parse_columns(columns)
-    if together and apart:
-        raise typer.BadParameter(spoken(say("options.contradict")), param_hint="'--apart'")
-    grouping = "one" if together else "apart" if apart else None
-    computation = {"method": method, "options": options, "gnss": gnss, "grouping": grouping}
-    sources = drives_of(files, together)
-    with service_client(server, key, data_dir) as client, console.progress() as bars:
-        client.get("/healthz")  # a service that is not there is said once, not per file
-        uploads = [
-            one for source in sources for one in _send(client, source, computation, bars, console, wait=wait)
-        ]
-        if wait:
-            for one in uploads:
-                _follow(client, one, bars, console)
-    rows = [one.figures() for one in uploads]
-    shown = [{**row, "status": shown_status(row["status"], row["waits_for"])} for row in rows]
-    console.table(SHOWN, [[row[name] for name in SHOWN] for row in shown])
-    write_json(json_file, {"server": client.server, "uploads": rows})
-    if any(one.failed for one in uploads):
-        raise typer.Exit(1)
+    return options
+
+
+def _looked(
+    roots: list[Path],
+    choice: ArchiveChoice,
+    options: dict[str, Any],
+    console: Console,
+    bars: Bars,
+    *,
+    apart: bool,
+) -> Archives | None:
+    """What is in archives, which is told; None where none is named."""
+    if not roots:
+        return None
+    from app.cli.uploads.archives import Archives
+
+    return Archives.looked_at(roots, choice, options.get("columns", {}), console, bars, apart=apart)
 
 
 def service_client(server: str | None, key: str | None = None, data_dir: Path | None = None) -> Client:
@@ -130,62 +188,6 @@ def _key_of(settings: Settings, address: str) -> str | None:
     return read_key(settings.data_dir) if is_local(address) else None
 
 
-@dataclass
-class Upload:
-    """One drive on its way, or a file that is in none."""
-
-    name: str
-    drive: RemoteDrive | None = None
-    reason: str | None = None
-    segments: int | None = None
-    left_out: str | None = None
-    """Why it is in no drive: a kind of the service's; None: it is, or was to be."""
-
-    @property
-    def status(self) -> str:
-        """The drive's status, ``not sent``, or ``left out``."""
-        return self.drive.status if self.drive else "left out" if self.left_out else "not sent"
-
-    @property
-    def failed(self) -> bool:
-        """Whether nothing came of it, though it was to."""
-        return self.status in {"not sent", "failed", "cancelled"} or self.left_out not in {None, *NO_LOGS}
-
-    @property
-    def waits_for(self) -> dict[str, Any] | None:
-        """What is missing until it is computed by itself; None: nothing, or the service is too old to say."""
-        return self.drive.document.get("waits_for") if self.drive else None
-
-    @property
-    def report(self) -> dict[str, Any]:
-        """What the service reports of it; empty before it is done."""
-        return (self.drive.document.get("report") or {}) if self.drive and self.status == "done" else {}
-
-    def figures(self) -> dict[str, Any]:
-        """What ``--json`` says; the table shows ``SHOWN`` of it."""
-        from app.cli.client import link_of
-        from app.drives.outputs.summary import summary
-
-        document = self.drive.document if self.drive else {}
-        return {
-            "file": self.name,
-            "drive": self.drive.id if self.drive else None,
-            "status": self.status,
-            "segments": self.segments,
-            "reason": self.reason,
-            "waits_for": self.waits_for,
-            "summary": summary(self.name, self.report) if self.report else None,
-            "warnings": remarks_of(self.report),
-            "address": link_of(document, "self"),
-            "profile": link_of(document, "profile", "image/png") if self.report else None,
-        }
-
-
-def shown_status(status: str, waits_for: Mapping[str, Any] | None) -> str:
-    """A drive's status for people: one that failed for want of roads waits for them."""
-    return say("drives.waits_for", what=waits_for["kind"]) if waits_for else spoken(status)
-
-
 def _send(
     client: Client,
     source: LogFiles,
@@ -197,13 +199,14 @@ def _send(
 ) -> list[Upload]:
     """Upload files; ``computation`` is what ``Client.send`` takes beside them. What came of them."""
     from app.cli.client import RefusedKeyError
+    from app.cli.uploads.delivering import deliver
 
     try:
         files = source.files()
         advance = bars.count(
             say("stage.sending", name=source.short_name), sum(path.stat().st_size for path in files)
         )
-        sent = client.send(*files, **computation, sent=advance)
+        sent = deliver(client, tuple(files), computation, sent=advance)
     except RefusedKeyError:
         raise  # said once, not per file
     except (FusionError, OSError) as error:
@@ -236,12 +239,18 @@ def _drives_of(source: LogFiles, sent: Sent) -> list[Upload]:
 
 
 def _follow(client: Client, one: Upload, bars: Bars, console: Console) -> None:
-    from app.cli.client import RefusedKeyError, shown
+    from app.cli.client import ClientError, RefusedKeyError, shown
 
     if one.drive is None:
         return
     show = bars.work(say("stage.fusing", name=one.name))
-    one.drive = client.wait(one.drive.id, seen=shown(show))
+    try:
+        one.drive = client.wait(one.drive.id, seen=shown(show))
+    except ClientError as error:
+        if error.status != GONE or one.status != SENT_BEFORE:
+            raise
+        console.warn(one.name, [message_of(error)])  # somebody removed it since
+        return
     one.reason = one.drive.reason
     if one.drive.status == "done":
         with suppress(RefusedKeyError):  # whoever may upload alone is not shown them

@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.core.errors import BusyError
 from app.core.messages import say
-from app.core.middleware import FOR_PROBES, LIVE_PATH, UPLOAD_PATHS
+from app.core.middleware import FOR_PROBES, LIVE_PATH, is_upload
 from app.core.problems import refuse
 from app.core.receiving.clients import Shares, present_client
 
@@ -210,7 +210,7 @@ def class_of_request(method: str, path: str, query: bytes = b"") -> str | None:
     if path.startswith(LIVE_PATH):
         return POINTS
     if method not in {"GET", "HEAD", "OPTIONS"}:
-        return None if path in UPLOAD_PATHS else CHANGES
+        return None if is_upload(path) else CHANGES
     if _ITEMS.fullmatch(path):
         names = {unquote_plus(pair.partition("=")[0]) for pair in query.decode("latin-1").split("&") if pair}
         return "wide tiles" if names <= _WITHOUT_SEARCH else SEARCHES

@@ -224,6 +224,29 @@ class NotDoneError(ServiceError):
     answer = (409, "not-done", "Not done yet")
 
 
+class ConflictingOffsetError(ServiceError):
+    """The upload stands elsewhere; ask where (HEAD) and go on from there."""
+
+    answer = (409, "conflicting-offset", "Another offset")
+
+
+class OtherProtocolError(ServiceError):
+    """Resumable uploads speak tus 1.0.0, which the header Tus-Resumable says."""
+
+    answer = (412, "other-protocol", "Another protocol")
+
+    def __init__(self, message: str) -> None:
+        """With the version that is spoken."""
+        super().__init__(message)
+        self.headers = {"Tus-Version": "1.0.0"}
+
+
+class WrongChecksumError(ServiceError):
+    """The bytes are not those that were sent; send them again."""
+
+    answer = (460, "wrong-checksum", "Another checksum")
+
+
 @dataclass(frozen=True)
 class Kind:
     """One row of the table: status, the last part of ``type``, ``title``, and what such a problem means."""
@@ -264,6 +287,7 @@ KINDS: Mapping[type[Exception], Kind] = {
             (415, fusion.UnknownFormatError, "Unknown log format", "No reader knows the bytes."),
             (422, fusion.EmptyLogError, "Log without positions", "No row of the log can be used."),
             (422, fusion.MalformedLogError, "Broken log", "The log is broken beyond skipping."),
+            (422, fusion.NotOnRoadsError, "Not on roads", "The log is of another sport than was asked for."),
             (422, fusion.LogError, "Unusable log", "The log cannot be used."),
             (422, fusion.RoadsError, "Unusable road file", "The road file cannot be used."),
             (422, fusion.TerrainError, "Unusable elevation file", "The raster cannot be used."),

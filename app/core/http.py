@@ -211,6 +211,8 @@ _PROBLEMS: dict[int, dict[str, Any]] = {
         (errors.KINDS[errors.NotAcceptableError], "Ask for application/json or image/png."),
         (errors.KINDS[errors.NotDoneError], "The export is being made: 40 % of it is done."),
         (errors.KINDS[errors.GoneError], "since: this version is of another database. Read anew.", "since"),
+        (errors.KINDS[errors.OtherProtocolError], "Say Tus-Resumable: 1.0.0."),
+        (errors.KINDS[errors.WrongChecksumError], "The bytes that came have another checksum."),
         (errors.KINDS[errors.BodyTooLargeError], "The upload is larger than 1073741824 bytes."),
         (errors.KINDS[errors.UnsupportedBodyError], "Send the log as it is or gzipped."),
         (errors.STATUS_KINDS[416], "The file has 498112 bytes."),

@@ -43,6 +43,8 @@ LASTING_S, LASTING_WEIGHT = 1.0, 20
 """A request that lasts longer (an event stream) outlives the young generations, leaves some 30 kB and counts as 20."""
 
 UPLOAD_PATHS = frozenset({"/v1/drives", "/v1/operations"})
+RESUMED_PATH = "/v1/uploads/"
+"""Before the ids of uploads that come in parts."""
 LIVE_PATH = "/v1/live/"
 """Before the names of programs that send points of a drive under way."""
 CHANGING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
@@ -86,6 +88,11 @@ def stay_loaded() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(*COLLECTING_THRESHOLDS)
+
+
+def is_upload(path: str) -> bool:
+    """Whether requests to that path bring a file, at the pace of their client."""
+    return path in UPLOAD_PATHS or path.startswith(RESUMED_PATH)
 
 
 class CollectAfterRequests:

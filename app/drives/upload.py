@@ -5,6 +5,7 @@ Nothing is held on disk but the blob. Knows neither formats of bodies nor SQL.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ from starlette.concurrency import run_in_threadpool
 
 from app.access.quotas import Quotas
 from app.core.blobs import BlobStore
-from app.core.errors import QuotaError
+from app.core.errors import BadRequestError, QuotaError
 from app.core.http import QUOTA_HEADERS, BaseUrl, ServiceDep, problems, quota_used_up
 from app.core.messages import say
 from app.core.receiving.files import least_bytes, receive_files
@@ -81,6 +82,14 @@ class UploadRequest(MethodRequest):
         "goes on, are one drive, others are drives of their own; `apart`: what is not sure to be one drive is several; "
         "`one`: all of them are one drive.",
     )
+    sports: list[str] = Field(
+        [],
+        description="What was recorded as another sport is left out, by what the files say of it (`session` of FIT, "
+        "`Sport` of TCX, `type` of GPX, Strava's list of activities): `roads` are cycling, driving and motorcycling; "
+        "other sports by their names, such as `jogging`. May be repeated; without it everything is taken. What tells "
+        "no sport always is.",
+        examples=[["roads"]],
+    )
     filename: str | None = Field(
         None,
         description="Name of the file where the body is the log itself; also `X-Filename`.",
@@ -129,11 +138,7 @@ async def upload_drive(
     nothing; a drive that fails or is removed later counts.
     """
     settings = service.settings
-    estimator = query.method or default_method(settings)
-    positioning = asked_positioning(query.gnss, query.gnss_option)
-    wanted_options = with_positioning(query.asked_options() or {}, positioning)
-    wanted_options |= asked_columns(query.columns)
-    check_options(estimator, wanted_options)
+    estimator, wanted_options, sports = asked_of(query, settings)
     look = FirstLook(wanted_options.get("columns"))
     quotas = Quotas(settings)
 
@@ -145,7 +150,7 @@ async def upload_drive(
     except QuotaError as error:
         refused(error)
         raise
-    files = await receive_upload(request, service.blobs, settings, look, query.grouping)
+    files = await receive_upload(request, service.blobs, settings, look, query.grouping, sports)
     uploaded = await run_in_threadpool(
         register_drives,
         service.sessions,
@@ -162,8 +167,38 @@ async def upload_drive(
     return uploaded.document(base)
 
 
+def asked_of(query: UploadRequest, settings: Settings) -> tuple[str, dict[str, Any], frozenset[str] | None]:
+    """The estimator, its options, and which sports are taken; raises what is wrong with them."""
+    estimator = query.method or default_method(settings)
+    positioning = asked_positioning(query.gnss, query.gnss_option)
+    wanted_options = with_positioning(query.asked_options() or {}, positioning)
+    wanted_options |= asked_columns(query.columns)
+    check_options(estimator, wanted_options)
+    return estimator, wanted_options, _asked_sports(query.sports)
+
+
+def _asked_sports(names: Sequence[str]) -> frozenset[str] | None:
+    """Which sports are taken; None: every one. Raises ``BadRequestError``."""
+    if not names:
+        return None
+    # with the formats, which are loaded where something is uploaded
+    from fusion.formats.archives.sports import ROADS, SPORTS, chosen  # noqa: PLC0415
+
+    try:
+        return chosen(names)
+    except ValueError as error:
+        raise BadRequestError(
+            say("upload.no_sport", name=str(error), known=[ROADS, *SPORTS]), field="sports"
+        ) from None
+
+
 async def receive_upload(
-    request: Request, blobs: BlobStore, settings: Settings, look: FirstLook, rule: Rule = Rule.AUTO
+    request: Request,
+    blobs: BlobStore,
+    settings: Settings,
+    look: FirstLook,
+    rule: Rule = Rule.AUTO,
+    sports: Collection[str] | None = None,
 ) -> Sorted:
     """Store the files of the request's body as a blob for each drive that they are.
 
@@ -171,15 +206,22 @@ async def receive_upload(
     an empty file, ``LogError`` where no file is a log, and what ``UploadBundle`` raises else. Nothing stays in the
     store then.
     """
+    begin = sorting_of(blobs, settings, look, rule, sports)
+    most = settings.max_upload_bytes
+    too_large = say("upload.too_large", most=most)
+    return await receive_files(request, begin, most, too_large)
 
+
+def sorting_of(
+    blobs: BlobStore, settings: Settings, look: FirstLook, rule: Rule, sports: Collection[str] | None
+) -> Callable[[int], SortedUpload]:
+    """Begins to take an upload of so many announced bytes, within the service's limits."""
     limits = {"keep_free_bytes": settings.min_free_bytes, "max_content_bytes": settings.max_log_bytes}
 
     def begin(announced_bytes: int) -> SortedUpload:
         bundle = UploadBundle(blobs, expected_bytes=announced_bytes, look=look, **limits)
         return SortedUpload(
-            bundle, partial(blobs.writer, **limits), blobs, settings.max_log_bytes, rule, look.columns
+            bundle, partial(blobs.writer, **limits), blobs, settings.max_log_bytes, rule, look.columns, sports
         )
 
-    most = settings.max_upload_bytes
-    too_large = say("upload.too_large", most=most)
-    return await receive_files(request, begin, most, too_large)
+    return begin

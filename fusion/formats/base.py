@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
-from fusion.formats.glance import NO_DATE, Ends, Glance
+from fusion.formats.glance import NO_DATE, Ends, Glance, Told
 from fusion.messages import say
 from fusion.signals import Navigation, RawGnss
 from fusion.types import (
@@ -90,6 +90,10 @@ class LogFormat:
         data = ends.head if ends.is_short else self.excerpt(ends)
         log = self.read_part(data, no_progress, Navigation())
         return Glance.of(log, is_of_several=self.is_of_several)
+
+    def told(self, ends: Ends) -> Told:
+        """What the file says of its drive; nothing by itself. Looks at the ends alone, and raises nothing."""
+        return Told()
 
     def excerpt(self, ends: Ends) -> bytes:
         """A short file of the start and the end of a long one: of text its lines, of messages those that are whole."""

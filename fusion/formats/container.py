@@ -51,6 +51,10 @@ _MAGIC: tuple[tuple[int, bytes, str], ...] = (
     (6, b"OSMHeader", "an OpenStreetMap extract"),
 )
 """By the offset of what tells them."""
+_GOOGLE = re.compile(
+    rb"\{\s*\"(locations|timelineObjects|semanticSegments|rawSignals)\"\s*:|\[\s*\{\s*\"(endTime|startTime)\"\s*:"
+)
+"""Records.json, the months of its semantic history, Timeline.json of Android and of iOS."""
 _XML = {b"kml": "a KML file", b"osm": "an OpenStreetMap file"}
 
 
@@ -198,6 +202,8 @@ def _text_kind(head: bytes) -> str:
         root = re.search(rb"<(?:\w+:)?([A-Za-z]\w*)[\s>/]", text)
         document = _XML.get(root.group(1)) if root else None
         return document or "an XML file, but neither GPX nor TCX"
+    if _GOOGLE.match(text):
+        return "Google's location history, which has a place every few minutes"
     if re.match(rb"[\[{]\s*[\"\]}{\[\d]", text):
         return "a JSON file"
     if not text:
@@ -209,7 +215,7 @@ ZIP_MAGIC = b"PK\x03\x04"
 MOST_MEMBERS = 200
 """A drive has a handful of files; hourly navigation files of some days are the most that belong together."""
 _JUNK = re.compile(r"(^|/)(__MACOSX/|\._|\.DS_Store$|Thumbs\.db$|desktop\.ini$)")
-_OTHER_DOCUMENTS = ("[Content_Types].xml", "doc.kml", "META-INF/MANIFEST.MF", "mimetype")
+OTHER_DOCUMENTS = ("[Content_Types].xml", "doc.kml", "META-INF/MANIFEST.MF", "mimetype")
 _READ = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
 _LONGEST_NAME = 60
 
@@ -242,7 +248,7 @@ def members(data: bytes, max_bytes: int, notes: Notes) -> list[Member]:
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             infos = [i for i in archive.infolist() if not i.is_dir() and not _JUNK.search(i.filename)]
-            if any(i.filename in _OTHER_DOCUMENTS for i in infos):
+            if any(i.filename in OTHER_DOCUMENTS for i in infos):
                 return []
             if len(infos) > MOST_MEMBERS:
                 raise MalformedLogError(say("zip.too_many", n=len(infos), most=MOST_MEMBERS))

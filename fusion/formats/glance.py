@@ -49,6 +49,23 @@ class Ends:
         return (behind + self.tail)[-self.excerpt_bytes :]
 
 
+def along_m(places: Floats) -> float:
+    """Metres along places (n, 2), latitude and longitude in degrees; NaN of fewer than two."""
+    if len(places) < 2:
+        return float("nan")
+    lat, lon = places[:, 0], np.remainder(np.diff(places[:, 1]) + 180.0, 360.0) - 180.0
+    return float(np.hypot(np.diff(lat), lon * np.cos(np.radians(lat[1:]))).sum() * 111_320.0)
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a file says of its drive in so many words: the sport as its program calls it, empty where it does not, and
+    how many metres, NaN where that is not known."""
+
+    sport: str = ""
+    distance_m: float = np.nan
+
+
 @dataclass(frozen=True, eq=False)
 class Glance:
     """What a file holds, and from when to when: its positions and raw measurements, of a file without any its sensors.

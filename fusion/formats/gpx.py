@@ -20,7 +20,7 @@ import numpy as np
 
 from fusion.errors import EmptyLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log, fix_and_velocity, usable_positions
-from fusion.formats.glance import Ends
+from fusion.formats.glance import Ends, Told, along_m
 from fusion.formats.xml_points import Layout, Points, excerpt, read_points
 from fusion.messages import say
 from fusion.types import Bools, DriveLog, Floats, Odometry, Progress, SensorTable
@@ -28,6 +28,10 @@ from fusion.types import Bools, DriveLog, Floats, Odometry, Progress, SensorTabl
 HEAD_BYTES = 8192
 ROOT = re.compile(rb"<(?:[\w.-]+:)?gpx[\s>]")
 METRES_AS_HDOP = re.compile(rb"<(?:[\w.-]+:)?gpx\s[^>]*\bcreator\s*=\s*[\"']\s*(?:OsmAnd|Locus)")
+TRACK = re.compile(rb"<(?:[\w.-]+:)?trk[\s>]")
+SPORT = re.compile(rb"<(?:[\w.-]+:)?type>([^<]{1,60})<")
+POINT = re.compile(rb"<(?:[\w.-]+:)?(?:trkpt|trkseg)[\s>]")
+PLACE = re.compile(rb"<(?:[\w.-]+:)?trkpt\s+lat=[\"'](-?[\d.]+)[\"']\s+lon=[\"'](-?[\d.]+)[\"']")
 LAYOUT = Layout(
     what="GPX",
     point="trkpt",
@@ -55,6 +59,17 @@ class GpxFormat(LogFormat):
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
         return bool(ROOT.search(_beginning(head)))
+
+    def told(self, ends: Ends) -> Told:
+        """See ``LogFormat``: ``type`` of the track, and the way along its points where all of them are at hand."""
+        track, first = TRACK.search(ends.head), POINT.search(ends.head)
+        end = first.start() if first else len(ends.head)
+        found = SPORT.search(ends.head, track.start(), end) if track else None
+        sport = found.group(1).decode("utf-8", "replace").strip() if found else ""
+        if ends.tail:
+            return Told(sport)
+        places = [(float(lat), float(lon)) for lat, lon in PLACE.findall(ends.head) if lat.count(b".") < 2]
+        return Told(sport, along_m(np.array(places).reshape(-1, 2)))
 
     def excerpt(self, ends: Ends) -> bytes:
         """See ``LogFormat``."""

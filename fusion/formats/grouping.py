@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import combinations
 
 import numpy as np
 
@@ -116,7 +115,7 @@ def _joined(
     """The drives that ``makers`` make, and the pairs of them that are joined though they could be two."""
     drive_of = {k: [k] for k in makers}
     doubts = []
-    for a, b in combinations(drive_of, 2):
+    for a, b in _near_in_time(files, drive_of):
         together, why = _relation(files[a], files[b])
         if not together or (why is not None and rule is Rule.APART):
             continue
@@ -128,6 +127,17 @@ def _joined(
                 drive_of[k] = drive_of[a]
     drives = {id(drive): drive for drive in drive_of.values()}
     return list(drives.values()), doubts
+
+
+def _near_in_time(files: Sequence[Glance], makers: Iterable[int]) -> list[tuple[int, int]]:
+    """The pairs that can be one drive by their times, in the order of numbers: of thousands of files few."""
+    near, going_on = list[tuple[int, int]](), list[int]()
+    for k in sorted((k for k in makers if files[k].is_known), key=lambda k: files[k].first_s):
+        begins_s = files[k].first_s - CONTINUED_WITHIN_S
+        going_on = [other for other in going_on if files[other].last_s >= begins_s]
+        near += [(min(k, other), max(k, other)) for other in going_on]
+        going_on.append(k)
+    return sorted(near)
 
 
 def _relation(a: Glance, b: Glance) -> tuple[bool, Why | None]:

@@ -12,14 +12,17 @@ import re
 import numpy as np
 
 from fusion.errors import EmptyLogError
-from fusion.formats.base import Data, LogFormat, Notes, build_log, usable_positions
-from fusion.formats.glance import Ends
+from fusion.formats.base import Data, LogFormat, Notes, build_log, number_or_nan, usable_positions
+from fusion.formats.glance import Ends, Told
 from fusion.formats.xml_points import Layout, Points, excerpt, read_points
 from fusion.messages import say
 from fusion.types import Bools, DriveLog, Floats, GnssFix, Odometry, Progress, SensorTable
 
 HEAD_BYTES = 8192
 ROOT = re.compile(rb"<(?:[\w.-]+:)?TrainingCenterDatabase[\s>]")
+SPORT = re.compile(rb"<(?:[\w.-]+:)?Activity\s[^>]*?\bSport\s*=\s*[\"']([^\"']{1,60})[\"']")
+LAPS = re.compile(rb"<(?:[\w.-]+:)?(?:(Lap)[\s>]|Track[\s>]|DistanceMeters>([\d.]{1,20})<)")
+"""A lap says of itself how long it is, before its points."""
 LAPS_STEP_S = 10.0
 """A lap that follows within the longest step of devices that record at will had no pause before it."""
 LAYOUT = Layout(
@@ -47,6 +50,17 @@ class TcxFormat(LogFormat):
     def recognises(self, head: bytes) -> bool:
         """See ``LogFormat``."""
         return bool(ROOT.search(head[:HEAD_BYTES].replace(b"\x00", b"")))
+
+    def told(self, ends: Ends) -> Told:
+        """See ``LogFormat``: the activity's sport, and the metres of its laps where all of them are at hand."""
+        found = SPORT.search(ends.head)
+        sport = found.group(1).decode("utf-8", "replace") if found else ""
+        laps, in_lap = list[float](), False
+        for tag in LAPS.finditer(b"" if ends.tail else ends.head):
+            if in_lap and tag.group(2):
+                laps.append(number_or_nan(tag.group(2).decode()))
+            in_lap = bool(tag.group(1))
+        return Told(sport, sum(laps) if laps else np.nan)
 
     def excerpt(self, ends: Ends) -> bytes:
         """See ``LogFormat``."""

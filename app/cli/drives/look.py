@@ -12,7 +12,8 @@ import typer
 
 from app.cli.console import Console, figure, spoken, write_json
 from app.cli.options import JSON_FILE, arg, opt
-from app.cli.remote import KEY, KEY_DIR, SERVER, service_client, shown_status
+from app.cli.remote import KEY, KEY_DIR, SERVER, service_client
+from app.cli.uploads.rows import shown_status
 from app.core.messages import say
 from fusion.messages import message_of, remarks_of, with_key
 

@@ -10,7 +10,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.core.disconnects import answer_nobody, has_body
 from app.core.errors import BodyTooLargeError, SlowClientError
 from app.core.messages import say
-from app.core.middleware import CHANGING, LIVE_PATH, UPLOAD_PATHS
+from app.core.middleware import CHANGING, LIVE_PATH, is_upload
 from app.core.problems import refuse
 
 SMALL_BODY_BYTES = 64 * 1024
@@ -36,7 +36,7 @@ class Bodies:
         """Pass the request on with its body, or answer 408 or 413."""
         if scope["type"] != "http" or scope["method"] not in CHANGING or not has_body(scope):
             await self.app(scope, receive, send)
-        elif scope["path"] in UPLOAD_PATHS:
+        elif is_upload(scope["path"]):
             await self.app(scope, _paced(receive, self._upload_stall_s), send)
         else:
             await self._read_first(scope, receive, send)

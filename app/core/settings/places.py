@@ -40,6 +40,14 @@ def default_data_dir() -> Path:
     return base / "versant"
 
 
+def default_state_dir() -> Path:
+    """``$XDG_STATE_HOME/versant``, or ``~/.local/state/versant``: what commands know from one run to the next."""
+    base = Path(os.environ.get("XDG_STATE_HOME", ""))
+    if not base.is_absolute():
+        base = Path.home() / ".local" / "state"
+    return base / "versant"
+
+
 def sqlalchemy_url(url: str) -> str:
     """A PostgreSQL URL with the driver's name that SQLAlchemy wants; ValueError for another scheme."""
     scheme, separator, rest = url.partition("://")

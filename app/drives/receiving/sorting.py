@@ -6,25 +6,27 @@ it before it answers, and what it answers names every drive. Knows no request an
 
 from __future__ import annotations
 
-import gzip
-import hashlib
+import io
 import zipfile
-import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import IO, NamedTuple, Protocol, cast
+from pathlib import PurePosixPath
+from typing import NamedTuple, Protocol, cast
 
 from app.core.blobs import BlobStore, BlobWriter, StoredBlob
+from app.core.messages import say
 from app.core.receiving.body import FILENAME_LENGTH, Piece
 from app.drives.receiving.upload_bundle import UploadBundle
 from app.drives.receiving.zips import ZipWriter, files_in
-from fusion.errors import LogError
-from fusion.formats import glance_at, in_short
-from fusion.formats.container import CHUNK_BYTES, GZIP_MAGIC, shown_name
-from fusion.formats.glance import EXCERPT_BYTES, HEAD_BYTES, Ends, Glance
+from fusion.errors import NotOnRoadsError
+from fusion.formats.archives.look import Kind, Looked, Looker, ends_of
+from fusion.formats.archives.sheets import is_list, sports_of
+from fusion.formats.container import CHUNK_BYTES, shown_name
+from fusion.formats.glance import Glance
 from fusion.formats.grouping import Grouping, Rule, grouped, why_left, why_repeated
 
-GZIP_LAYERS = 2
+NO_BOUND = 1 << 62
+"""Of a file's size here: what it unpacks to is bounded where it is read."""
 
 
 class LeftOut(NamedTuple):
@@ -78,10 +80,15 @@ class SortedUpload:
         max_content_bytes: int,
         rule: Rule,
         columns: Mapping[str, str] | None = None,
+        sports: Collection[str] | None = None,
     ) -> None:
-        """``bundle`` receives the files, ``begin`` begins a blob for some of them; ``rule`` as in ``grouping.Rule``."""
+        """``bundle`` receives the files, ``begin`` begins a blob for some of them; ``rule`` as in ``grouping.Rule``.
+
+        ``sports``: files that tell of another are left out; None: none is.
+        """
         self._bundle, self._begin, self._blobs = bundle, begin, blobs
-        self._max_content_bytes, self._rule, self._columns = max_content_bytes, rule, columns or {}
+        self._max_content_bytes, self._rule = max_content_bytes, rule
+        self._looker = Looker(sports, columns or {}, NO_BOUND)
 
     def take(self, pieces: Iterable[Piece]) -> None:
         """See ``UploadBundle``."""
@@ -92,11 +99,13 @@ class SortedUpload:
         self._bundle.discard()
 
     def finish(self) -> Sorted:
-        """The drives to be. Raises what ``UploadBundle.finish`` does; nothing stays in the store then."""
+        """The drives to be. Raises what ``UploadBundle.finish`` does, and ``NotOnRoadsError`` where all of them are of
+        other sports; nothing stays in the store then."""
         blob, name = self._bundle.finish()
-        if not self._bundle.is_zip:
-            return Sorted((Stored(blob, name, (name,)),))
         try:
+            if not self._bundle.is_zip:
+                self._require_sport(blob, name)
+                return Sorted((Stored(blob, name, (name,)),))
             with self._blobs.open(blob.key) as file, zipfile.ZipFile(file) as archive:
                 found = self._sorted(archive, blob, name)
         except BaseException:
@@ -108,8 +117,11 @@ class SortedUpload:
 
     def _sorted(self, archive: zipfile.ZipFile, blob: StoredBlob, name: str) -> Sorted:
         looked, left_out, names = self._look(archive)
+        others = [one for one in left_out if one.kind == Kind.NOT_ON_ROADS]
+        if others and not looked:
+            raise NotOnRoadsError(others[0].reason)
         grouping = grouped([one.glance for one in looked], self._rule)
-        if len(grouping.drives) <= 1:
+        if len(grouping.drives) <= 1 and not others:
             doubts = _doubts(looked, grouping, range(len(looked)))
             used = tuple(one.name for one in looked) or names
             return Sorted((Stored(blob, name, used, doubts),), left_out)
@@ -130,30 +142,47 @@ class SortedUpload:
             raise
         return Sorted(tuple(drives), left_out)
 
+    def _require_sport(self, blob: StoredBlob, name: str) -> None:
+        if self._looker.sports is None:
+            return
+        with self._blobs.open(blob.key) as file:
+            reader = io.BufferedReader(cast("io.RawIOBase", file))
+            try:
+                looked = self._looker.judged(*ends_of(reader, self._max_content_bytes), name)
+            finally:
+                reader.detach()  # the block closes what is below
+        if looked.kind is Kind.NOT_ON_ROADS:
+            raise NotOnRoadsError(looked.reason)
+
     def _look(self, archive: zipfile.ZipFile) -> tuple[list[_Looked], tuple[LeftOut, ...], tuple[str, ...]]:
         """Each file that may be a log; those that are none or come twice; and the names of all."""
-        looked, left_out, names, seen = list[_Looked](), list[LeftOut](), list[str](), dict[str, str]()
+        found, names, seen = list[tuple[zipfile.ZipInfo, Looked]](), list[str](), dict[str, str]()
+        sports: dict[str, str] = {}
         bytes_left = self._max_content_bytes
         for info in files_in(archive):
             name = shown_name(info.filename)
             names.append(name)
             if bytes_left <= 0:  # as of gzips that unpack to more: whoever reads them says that
-                looked.append(_Looked(info, name, Glance(is_unread=True)))
+                found.append((info, Looked(name, Kind.DRIVE, glance=Glance(is_unread=True))))
                 continue
             with archive.open(info) as stream:
-                ends, digest = _ends(stream, bytes_left)
+                ends, digest = ends_of(stream, bytes_left)
             bytes_left -= ends.size
             if digest in seen:
-                left_out.append(LeftOut(name, "repeated", why_repeated(seen[digest])))
-                continue
-            seen[digest] = name
-            try:
-                glance = glance_at(ends, name, self._columns)
-            except LogError as error:
-                left_out.append(LeftOut(name, error.kind, in_short(error)))
-                continue
-            looked.append(_Looked(info, name, glance))
-        return looked, tuple(left_out), tuple(names)
+                looked = Looked(name, Kind.REPEATED, why_repeated(seen[digest]))
+            elif self._looker.sports is not None and is_list(ends.head):
+                sports |= {PurePosixPath(file).name: sport for file, sport in sports_of(ends.head).items()}
+                looked = Looked(name, Kind.NOT_A_LOG, say("archive.list"))
+            else:
+                looked = self._looker.judged(ends, digest, name)
+            seen.setdefault(digest, name)
+            found.append((info, looked))
+        told = [(info, self._looker.of_sport(one, sports.get(one.name, ""))) for info, one in found]
+        drives = [_Looked(info, one.name, one.glance) for info, one in told if one.kind is Kind.DRIVE]
+        left = [
+            LeftOut(one.name, one.kind.value, one.reason) for _, one in told if one.kind is not Kind.DRIVE
+        ]
+        return drives, tuple(left), tuple(names)
 
     def _store(self, archive: zipfile.ZipFile, files: Sequence[_Looked]) -> StoredBlob:
         """One file as it is, several as a zip of their own."""
@@ -181,35 +210,6 @@ def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, sink: _Sink) -> None:
     with archive.open(info) as stream:
         while piece := stream.read(CHUNK_BYTES):
             sink.write(piece)
-
-
-def _ends(stream: IO[bytes], max_bytes: int) -> tuple[Ends, str]:
-    """The ends of what a file unpacks to, and the digest of all of it: up to damage, and to ``max_bytes``."""
-    head, tail, size, digest = bytearray(), b"", 0, hashlib.sha256()
-    try:
-        stream = _unpacked(stream)
-        while size < max_bytes and (piece := stream.read(CHUNK_BYTES)):
-            size += len(piece)
-            digest.update(piece)
-            room = HEAD_BYTES - len(head)
-            head += piece[:room]
-            tail = (tail + piece[room:])[-EXCERPT_BYTES:]
-    except (gzip.BadGzipFile, EOFError, zlib.error):
-        pass  # whoever reads all of it says what is wrong with it
-    return Ends(bytes(head), tail, size), digest.hexdigest()
-
-
-def _unpacked(stream: IO[bytes]) -> IO[bytes]:
-    for _ in range(GZIP_LAYERS):
-        if cast("_Peeking", stream).peek(len(GZIP_MAGIC))[: len(GZIP_MAGIC)] != GZIP_MAGIC:
-            break
-        stream = cast("IO[bytes]", gzip.GzipFile(fileobj=stream))
-    return stream
-
-
-class _Peeking(Protocol):
-    def peek(self, n: int, /) -> bytes:
-        """The next bytes, which stay."""
 
 
 def _doubts(looked: Sequence[_Looked], grouping: Grouping, numbers: Iterable[int]) -> tuple[Doubt, ...]:

@@ -24,9 +24,9 @@ import numpy as np
 
 from fusion.errors import EmptyLogError, MalformedLogError
 from fusion.formats.base import Data, LogFormat, Notes, build_log, ground_velocity, positive, usable_positions
-from fusion.formats.fit.messages import HEAD_BYTES, MAGIC, FitFile, read_files
+from fusion.formats.fit.messages import HEAD_BYTES, MAGIC, FitFile, read_files, sport_words
 from fusion.formats.fit.walk import walk
-from fusion.formats.glance import Ends, Glance
+from fusion.formats.glance import Ends, Glance, Told, along_m
 from fusion.frames import GRAVITY_MPS2
 from fusion.messages import say
 from fusion.types import (
@@ -91,6 +91,14 @@ class FitFormat(LogFormat):
         # As many messages a second in what was not walked through.
         last_s += (last_s - first_s) * (ends.size / walked - 1.0)
         return Glance(self.name, float(first_s), float(last_s), track)
+
+    def told(self, ends: Ends) -> Told:
+        """See ``LogFormat``: what its sessions say, or else the way along its records."""
+        said: dict[str, list[int]] = {}
+        records, _ = walk(ends.head, said)
+        metres = [cm / 100.0 for cm in said.get("distance", ()) if cm != 0xFFFFFFFF]
+        along = along_m(records[:, 1:] * SEMICIRCLE_DEG) if not ends.tail else np.nan
+        return Told(sport_words(said), sum(metres) if metres else along)
 
     def read(self, data: Data, progress: Progress) -> DriveLog:
         """See ``LogFormat``."""

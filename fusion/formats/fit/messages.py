@@ -10,12 +10,13 @@ import io
 import math
 import struct
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from fitdecode import CrcCheck, ErrorHandling, FitDataMessage, FitEOFError, FitReader
+from fitdecode.profile import FIELD_TYPES
 from fitdecode.utils import compute_crc
 
 from fusion.errors import MalformedLogError
@@ -58,6 +59,15 @@ WORDS: dict[str, tuple[str, ...]] = {
     "session": ("sub_sport",),
     "event": ("timestamp", "event", "event_type"),
 }
+
+
+def sport_words(numbers: Mapping[str, Sequence[int]]) -> str:
+    """The names of ``sport`` and ``sub_sport``, each the last that was said; empty where that is nothing."""
+    words = []
+    for name in ("sub_sport", "sport"):
+        known: Any = FIELD_TYPES[name].enum
+        words += [str(known.get(number, "")) for number in numbers.get(name, ())[-1:]]
+    return " ".join(word for word in words if word not in ("", "generic", "all"))
 
 
 @dataclass

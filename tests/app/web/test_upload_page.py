@@ -16,6 +16,7 @@ from fusion.roads.table import RoadTable
 from page_states.logs import rides, zip_of
 from processing_support import HEADER
 from region_support import bring
+from ride_archive import make_archive, zipped
 from web_fixtures import Web
 
 MANY = 80
@@ -247,3 +248,27 @@ def test_many_files(web: Web, tab: Tab) -> None:
     with web.sessions() as session:
         assert session.execute(text("SELECT count(*) FROM drives")).scalar_one() == MANY
     assert uuid.UUID(web.client.get("/v1/drives?q=79").json()["drives"][0]["id"])
+
+
+def test_a_zip_of_years_is_told_file_by_file(web: Web, tab: Tab, tmp_path: Path) -> None:
+    """The browser opens it, zips in it too, and the service says of each file what it is."""
+    made = make_archive(tmp_path / "years", 40)
+    paths = [path for path in made.root.rglob("*") if path.is_file()]
+    files = {path.relative_to(made.root).as_posix(): path.read_bytes() for path in paths}
+    archive = tmp_path / "export_1.zip"
+    archive.write_bytes(zipped({**files, "media/holiday.jpg": b"\xff\xd8\xff"}))
+    tab.expected += ["415", "422"]
+    opened(tab, web)
+    choose(tab, archive)
+    tab.page.get_by_text("you may leave this page").wait_for()
+    again = made.kinds["repeated"]  # in a form the same bytes twice are refused, and each file goes by itself
+    tab.page.get_by_text(f"0 of {made.drives + again} drives are done.").first.wait_for()
+    assert len(web.client.get("/v1/drives?limit=100").json()["drives"]) == made.drives
+    assert tab.page.locator(".upload-row").filter(has_text="Already uploaded").count() == again
+    not_used = tab.page.locator(".upload-row.refused")
+    assert not_used.count() == made.files - made.drives - again  # the picture is shown, Strava's list is not
+    not_used.filter(has_text="15.fit").get_by_text("It was recorded as swimming").wait_for()
+    not_used.filter(has_text="holiday.jpg").get_by_text("no log of a drive").wait_for()
+    not_used.filter(has_text="19.gpx").get_by_text("It was recorded as jogging").wait_for()
+    assert not_used.get_by_role("button", name="Try").count() == 0
+    assert tab.page.locator(".upload-row.queued").first.get_by_text("in export_1.zip").is_visible()

@@ -5,8 +5,10 @@ import { tellDone, tellError } from "../shared/Messages";
 import { MethodForm } from "../shared/MethodForm";
 import { chosenQuery, type MethodChosen, type Methods, USUAL, usable } from "../shared/methods";
 import { t } from "../shared/texts";
+import { inRuns, isArchive, listFor, listIn } from "./archives";
 import { belongTogether, chosenFiles, droppedFiles, type Gathered } from "./gathering";
-import { add } from "./queue";
+import { add, addArchive } from "./queue";
+import { filesIn, type Packed } from "./zip";
 
 const MOST_OF_A_DRIVE = 32;
 const NAMED = 6;
@@ -14,6 +16,8 @@ const NAMED = 6;
 const chosen = signal<MethodChosen>(USUAL);
 const known = signal<Methods | null>(null);
 const together = signal(false);
+/** Of archives what was recorded as another sport than driving and cycling is left out. */
+const roadsOnly = signal(true);
 /** Files of which nobody has said yet whether they are one drive. */
 const asked = signal<File[] | null>(null);
 
@@ -43,7 +47,29 @@ function take({ files, hidden }: Gathered): void {
     )
   )
     asked.value = files;
-  else begin(files.map((file) => [file]));
+  else void takeEach(files);
+}
+
+/** Each file by itself, but a zip of many rides as the files in it. */
+async function takeEach(files: File[]): Promise<void> {
+  const alone: File[] = [];
+  for (const file of files) {
+    const inside = /\.zip$/i.test(file.name) ? await filesIn(file).catch((): Packed[] => []) : [];
+    if (isArchive(inside, file.name)) await beginArchive(file.name, inside);
+    else alone.push(file);
+  }
+  if (alone.length > 0) begin(alone.map((file) => [file]));
+}
+
+async function beginArchive(name: string, inside: Packed[]): Promise<void> {
+  const query = chosenQuery(chosen.value, known.value);
+  if (roadsOnly.value) query.set("sports", "roads");
+  const { runs, others } = inRuns(inside);
+  const list = await listIn(inside);
+  const count = addArchive(name, runs, others, query, (run) =>
+    list ? listFor(run as Packed[], list) : null,
+  );
+  if (count === 0) tellDone(t("upload.there_already"));
 }
 
 function Question({ files }: { files: File[] }) {
@@ -152,6 +178,16 @@ export function Adding() {
             }}
           />
           <span>{t("upload.together")}</span>
+        </label>
+        <label class="check">
+          <input
+            type="checkbox"
+            checked={roadsOnly.value}
+            onChange={(event) => {
+              roadsOnly.value = event.currentTarget.checked;
+            }}
+          />
+          <span>{t("upload.roads_only")}</span>
         </label>
       </section>
       {asked.value !== null && <Question files={asked.value} />}

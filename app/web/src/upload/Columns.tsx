@@ -7,6 +7,7 @@ import { tellError } from "../shared/Messages";
 import { methods } from "../shared/methods";
 import { t } from "../shared/texts";
 import { type Item, retry } from "./queue";
+import { opened } from "./zip";
 
 const ENOUGH_BYTES = 64 * 1024;
 
@@ -14,7 +15,10 @@ const ENOUGH_BYTES = 64 * 1024;
 export function mayLackColumns(item: Item): boolean {
   const problem = item.problem.value;
   return (
-    item.files.length === 1 && problem?.status === 422 && (problem.type ?? "").endsWith("/malformed-log")
+    item.archive === "" &&
+    item.files.length === 1 &&
+    problem?.status === 422 &&
+    (problem.type ?? "").endsWith("/malformed-log")
   );
 }
 
@@ -42,9 +46,8 @@ export function Columns({ item }: { item: Item }) {
   const [ours, setOurs] = useState<string[]>([]);
   const [columns, setColumns] = useState<LogColumn[]>([]);
   useEffect(() => {
-    const [file] = item.files;
-    if (!file) return;
-    Promise.all([methods(), columnsOf(file, item.columns)]).then(([known, found]) => {
+    const first = opened(item.files).then(([file]) => (file ? columnsOf(file, item.columns) : []));
+    Promise.all([methods(), first]).then(([known, found]) => {
       setOurs(known.columns);
       setColumns(found);
     }, tellError);

@@ -7,7 +7,17 @@ import { inWords } from "../shared/said";
 import { t } from "../shared/texts";
 import { WaitsForRoads } from "../shared/Waits";
 import { Columns, mayLackColumns } from "./Columns";
-import { type Item, items, mayRetry, type Phase, remove, removeDrive, retry, takeApart } from "./queue";
+import {
+  type Item,
+  isLeftOut,
+  items,
+  mayRetry,
+  type Phase,
+  remove,
+  removeDrive,
+  retry,
+  takeApart,
+} from "./queue";
 
 function words(item: Item): string {
   const phase: Phase = item.phase.value;
@@ -17,7 +27,7 @@ function words(item: Item): string {
     return item.sent.value < item.size
       ? t("upload.sending", { sent: size(item.sent.value), all: size(item.size) })
       : t("upload.storing");
-  if (phase === "refused") return t(item.part ? "upload.not_used" : "upload.refused");
+  if (phase === "refused") return t(isLeftOut(item) ? "upload.not_used" : "upload.refused");
   if (phase === "running") return stageText(drive?.stage);
   if (phase === "done") {
     const took = (Date.parse(drive?.finished_at ?? "") - Date.parse(drive?.started_at ?? "")) / 1000;
@@ -159,7 +169,7 @@ export function Row({ item }: { item: Item }) {
         <p class="name">
           <strong>{item.name}</strong>{" "}
           <span class="quiet-text">
-            {item.part ? t("upload.in", { name: item.origin }) : size(item.size)}
+            {item.part || item.archive ? t("upload.in", { name: item.origin }) : size(item.size)}
           </span>
         </p>
         <p class="state">

@@ -7,6 +7,7 @@ import { tellError } from "../shared/Messages";
 import { isNoLog } from "../shared/remarks";
 import { inWords } from "../shared/said";
 import { tellTabs } from "../shared/tabs";
+import { t } from "../shared/texts";
 import { waitsForRoads } from "../shared/Waits";
 import {
   type Accepted,
@@ -17,6 +18,7 @@ import {
   type Unclear,
   type Uploaded,
 } from "./transfers";
+import { opened, type Sendable } from "./zip";
 
 export type Phase =
   | "waiting"
@@ -39,6 +41,8 @@ export interface Kept {
   leftOut: LeftOut[];
 }
 
+/** Statuses of what is no log, or none that is wanted. */
+const UNUSED = [0, 415, 422];
 const AT_ONCE = 2;
 const TRIES = 4;
 let last = 0;
@@ -67,16 +71,21 @@ export class Item {
   /** The drive that this upload is to make several of. */
   instead: Item | null = null;
 
-  /** `part`: what is called by that name among the files, which are sent no more; `kept`: of before a reload. */
+  /**
+   * `part`: what is called by that name among the files, which are sent no more; `kept`: of before a reload;
+   * `archive`: the zip of many rides that they are a few of, and `list` what it says of their sports.
+   */
   constructor(
-    readonly files: File[],
+    readonly files: Sendable[],
     readonly query: URLSearchParams,
     readonly part = "",
     kept?: Kept,
+    readonly archive = "",
+    readonly list: File | null = null,
   ) {
     last += 1;
     this.id = last;
-    this.name = kept?.name ?? (part || this.origin);
+    this.name = kept?.name ?? (part || this.run);
     this.size = kept?.size ?? (part ? 0 : files.reduce((sum, file) => sum + file.size, 0));
     if (kept === undefined) return;
     this.driveId = kept.driveId;
@@ -88,19 +97,30 @@ export class Item {
 
   /** What was sent. */
   get origin(): string {
-    return this.files.map((file) => file.name).join(", ");
+    return this.archive || this.files.map((file) => file.name).join(", ");
+  }
+
+  /** What its files are called together; of an archive in short. */
+  private get run(): string {
+    const [first] = this.files;
+    if (!this.archive || !first) return this.origin;
+    const n = this.files.length - 1;
+    return n === 0 ? first.name : t("upload.run", { n, first: first.name });
   }
 
   /** Tells the same files from others. */
   get key(): string {
-    return this.files.map((file) => `${file.name}/${file.size}/${file.lastModified}`).join("|");
+    const names = this.files.map((file) => `${file.name}/${file.size}/${file.lastModified}`);
+    return [this.archive, ...names].join("|");
   }
 }
 
 export const items = signal<Item[]>([]);
 const OVER: Phase[] = ["refused", "done", "failed", "roads", "cancelled"];
 /** A file in a zip that came to nothing: no drive to be. */
-const isLeftOut = (item: Item) => item.part !== "" && item.phase.value === "refused";
+export const isLeftOut = (item: Item) =>
+  item.phase.value === "refused" &&
+  (item.part !== "" || (item.archive !== "" && UNUSED.includes(item.problem.value?.status ?? 0)));
 const isOver = (item: Item) => OVER.includes(item.phase.value);
 
 export interface Overall {
@@ -165,8 +185,29 @@ export async function look(): Promise<void> {
 
 /** Put drives into the queue; those that are in it already are left out. Returns how many there are now more. */
 export function add(drives: File[][], query: URLSearchParams): number {
+  return put(drives.map((files) => new Item(files, query)));
+}
+
+/** The same of a zip of many rides, in runs, with files of it that are not sent; `list` by run what it says of them. */
+export function addArchive(
+  name: string,
+  runs: Sendable[][],
+  others: Sendable[],
+  query: URLSearchParams,
+  list: (run: Sendable[]) => File | null,
+): number {
+  const unused = others.map((file) => {
+    const one = new Item([file], query, file.name, undefined, name);
+    one.problem.value = new ApiProblem(0, "", t("upload.picture"));
+    one.phase.value = "refused";
+    return one;
+  });
+  return put([...runs.map((files) => new Item(files, query, "", undefined, name, list(files))), ...unused]);
+}
+
+function put(all: Item[]): number {
   const there = new Set(items.value.filter((item) => item.phase.value !== "refused").map((item) => item.key));
-  const fresh = drives.map((files) => new Item(files, query)).filter((item) => !there.has(item.key));
+  const fresh = all.filter((item) => !there.has(item.key));
   items.value = [...items.value, ...fresh];
   pump();
   return fresh.length;
@@ -192,10 +233,12 @@ async function transfer(item: Item): Promise<void> {
   item.tries += 1;
   const query = new URLSearchParams(item.query);
   for (const [ours, theirs] of Object.entries(item.columns)) query.append("columns", `${ours}=${theirs}`);
-  item.transfer = send(item.files, query, (bytes) => {
-    item.sent.value = bytes;
-  });
   try {
+    const files = await opened(item.files);
+    if (!items.value.includes(item)) return;
+    item.transfer = send(item.list ? [...files, item.list] : files, query, (bytes) => {
+      item.sent.value = bytes;
+    });
     await settle(item, await item.transfer.done);
     tellTabs();
     follower.arrange();
@@ -211,16 +254,18 @@ async function transfer(item: Item): Promise<void> {
 async function settle(item: Item, { drives, left_out }: Accepted): Promise<void> {
   item.sent.value = item.size;
   const [only] = drives;
-  if (drives.length === 1 && only && item.instead === null) {
+  if (drives.length === 1 && only && item.instead === null && item.archive === "") {
     item.leftOut.value = left_out;
     await become(item, only);
     return;
   }
   const shown = new Set(items.value.map((one) => one.driveId));
   const fresh = drives.filter((drive) => item.instead === null || !shown.has(drive.id));
-  const parts = fresh.map((drive) => new Item(item.files, item.query, drive.files.join(", ")));
-  const none = (item.instead === null ? left_out : []).map((file) => {
-    const one = new Item(item.files, item.query, file.file);
+  const part = (name: string) => new Item(item.files, item.query, name, undefined, item.archive);
+  const parts = fresh.map((drive) => part(drive.files.join(", ")));
+  const told = item.instead === null ? left_out.filter((file) => file.file !== item.list?.name) : [];
+  const none = told.map((file) => {
+    const one = part(file.file);
     one.leftOut.value = [file];
     one.problem.value = new ApiProblem(0, "", inWords(file.reason, file.said));
     one.phase.value = "refused";
@@ -265,9 +310,26 @@ function fail(item: Item, error: unknown): void {
     setTimeout(pump, again * 1000 + 10);
     return;
   }
-  item.problem.value = error instanceof Refusal ? error.problem : (error as ApiProblem);
   item.sent.value = 0;
+  const problem = problemIn(error);
+  if (item.archive && item.files.length > 1 && UNUSED.includes(problem.status) && problem.status !== 0) {
+    oneByOne(item);
+    return;
+  }
+  item.problem.value = problem;
   item.phase.value = "refused";
+}
+
+/** Why an upload did not come to anything; what is no refusal is a file that could not be unpacked. */
+function problemIn(error: unknown): ApiProblem {
+  if (error instanceof Refusal) return error.problem;
+  return error instanceof ApiProblem ? error : new ApiProblem(0, "", t("upload.unpackable"));
+}
+
+/** None of the files of a run is a log that is wanted: each says by itself why. */
+function oneByOne(item: Item): void {
+  const each = item.files.map((file) => new Item([file], item.query, "", undefined, item.archive, item.list));
+  items.value = items.value.flatMap((one) => (one === item ? each : [one]));
 }
 
 /** Take an item off the list; a transfer that is under way ends. What became a drive stays one. */
@@ -305,7 +367,7 @@ export async function retry(item: Item): Promise<void> {
 
 /** Whether it can come to something when it is tried again: no file becomes a log by that. */
 export function mayRetry(item: Item): boolean {
-  if (item.phase.value === "refused") return item.part === "";
+  if (item.phase.value === "refused") return item.part === "" && !isLeftOut(item);
   return item.phase.value === "failed" && !(item.drive.value && isNoLog(item.drive.value));
 }
 
