@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -52,8 +53,6 @@ class Bridge:
     way: Ints
     version: Ints
     shares: Floats
-    by_gers: Ints
-    """Rows, sorted by ``gers``."""
 
     def of_way(self, way: int) -> list[Piece]:
         """In which segments a way is; those that are told twice once, by their place along the way."""
@@ -62,8 +61,16 @@ class Bridge:
 
     def of_gers(self, gers: int) -> list[Piece]:
         """Which ways a segment is made of."""
-        a, b = np.searchsorted(self.gers[self.by_gers], (gers, gers + 1))
-        return self._pieces(self.by_gers[a:b])
+        a, b = np.searchsorted(self._sorted_gers, (gers, gers + 1))
+        return self._pieces(self._by_gers[a:b])
+
+    @cached_property
+    def _by_gers(self) -> Ints:
+        return np.argsort(self.gers, kind="stable")
+
+    @cached_property
+    def _sorted_gers(self) -> Ints:
+        return np.asarray(self.gers[self._by_gers])
 
     def _pieces(self, rows: Ints) -> list[Piece]:
         found = {
@@ -98,14 +105,12 @@ def read_bridge(path: Path, ways: Ints) -> Bridge:
     table = pa.concat_tables(parts) if parts else schema.empty_table()
     table = table.sort_by([("way", "ascending"), ("id", "ascending")])
     coded = table["id"].combine_chunks().dictionary_encode()
-    gers = coded.indices.to_numpy().astype(np.int64)
     return Bridge(
         names=coded.dictionary,
-        gers=gers,
+        gers=coded.indices.to_numpy().astype(np.int64),
         way=table["way"].to_numpy(),
         version=table["version"].to_numpy(),
         shares=np.column_stack([table[name].to_numpy() for name in "abcd"]),
-        by_gers=np.argsort(gers, kind="stable"),
     )
 
 
