@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from array import array
+import json
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
@@ -14,12 +14,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from pyproj import Geod
+from typer.testing import CliRunner
 
+from app.cli import app
 from app.exports.formats import FORMATS
 from app.exports.source import Query, Source
 from app.exports.writing.gers import read_bridge
-from app.exports.writing.way_places import WayEnds, courses_of
-from app.map.segment import Segment
 from fusion.errors import BadOptionsError
 from fusion.simulate.scene.segments import Way
 from fusion.simulate.scene.town import Town
@@ -251,40 +251,6 @@ def test_what_is_no_bridge_file_is_told(mapped: Mapped, tmp_path: Path) -> None:
     assert FORMATS["overture"].parse_options({}, local=False)
 
 
-def segment(number: int, a: int, b: int, way: int = 7) -> Segment:
-    places = {node: (8.0 + node / 1e4, 49.0 + (node % 3) / 1e4) for node in (a, b)}
-    return Segment(
-        id=number, osm_way_id=way, from_node=a, to_node=b, length_m=10.0, highway="track", name=None, oneway=0,
-        bridge=False, tunnel=False, slope_percent=None, slope_sigma_percent=None, drives=0, observations=0,
-        dem_slope_percent=None, updated_at=None, coordinates=(places[a], places[b]),
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("pairs", "ends", "wanted"),
-    [
-        ([(1, 2), (2, 3), (3, 4)], (1, 4), [1, 2, 3, 4]),
-        ([(2, 3), (3, 4)], (1, 4), None),  # an extract cut it
-        ([(1, 2), (3, 4)], (1, 4), None),  # a gap
-        ([(3, 1), (1, 2), (2, 3)], (1, 1), [1, 2, 3, 1]),  # a ring begins where the file says
-        ([(1, 2)], None, None),  # no file has it
-    ],
-)
-def test_only_whole_ways_have_a_course(
-    pairs: list[tuple[int, int]], ends: tuple[int, int] | None, wanted: list[int] | None
-) -> None:
-    segments = [segment(number, a, b) for number, (a, b) in enumerate(pairs, 1)]
-    rows = [] if ends is None else [7, *ends, 1]
-    known = WayEnds(array("q", rows[:1]), tuple(array("q", [one]) for one in rows[1:]))
-    course = courses_of(segments, known).get(7)
-    if wanted is None:
-        assert course is None
-        return
-    assert course is not None
-    assert [course.node(k) for k in range(len(wanted))] == wanted
-    assert course.share.tolist() == pytest.approx(np.linspace(0, 1, len(wanted)).tolist())
-
-
 def test_narrower_exports_are_taken(mapped: Mapped, tmp_path: Path) -> None:
     form = FORMATS["overture"]
     with mapped.sessions() as session:
@@ -292,3 +258,27 @@ def test_narrower_exports_are_taken(mapped: Mapped, tmp_path: Path) -> None:
         count = form.write(source, tmp_path / "d.csv", {}, form.parse_options({}, local=True))
     rows = rows_of(tmp_path / "d.csv")
     assert count == len(rows) > 10 and all(int(row["drives"]) > 0 for row in rows)
+
+
+def test_the_command_takes_a_folder_of_a_release(
+    mapped: Mapped, split: tuple[Path, dict[int, int]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a release has it, whose folders' names hold an equals sign and say what is not in the files."""
+    folder = tmp_path / "theme=transportation" / "type=segment"
+    folder.mkdir(parents=True)
+    for path in sorted(split[0].iterdir()):
+        pq.write_table(pq.read_table(path).drop_columns(["type"]), folder / path.name)
+    with mapped.sessions() as session:
+        monkeypatch.setenv(
+            "VERSANT_DATABASE_URL", session.get_bind().url.render_as_string(hide_password=False)
+        )
+    monkeypatch.setenv("VERSANT_DATA_DIR", str(mapped.place.parent))
+    out = tmp_path / "slopes.parquet"
+    done = CliRunner().invoke(
+        app, ["export", "--as", "overture", "-o", str(out), "--option", f"bridge={folder}"]
+    )
+    assert done.exit_code == 0, done.output
+    rows = pq.read_table(out).num_rows
+    assert f"{rows} rows" in done.output
+    request = json.loads(pq.read_metadata(out).metadata[b"provenance"])["request"]
+    assert request["options"] == {"bridge": "type=segment"}, "the name alone, no path of this machine"
