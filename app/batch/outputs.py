@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from app.exports.source import Source
 
 
-OF_DATABASE = ("opensidewalks",)
+OF_DATABASE = ("opensidewalks", "overture")
 """Formats that name segments by the numbers that a database gives them; only one makes ways, too."""
 
 

@@ -120,6 +120,10 @@ COMMANDS = {
         "app.cli.export",
         "Write every segment with its slope, as it stands at one moment, to a file, or draw a map of them.",
     ),
+    "hpms": Command(
+        "app.cli.sections",
+        "Write how many miles of each section lie in the grade classes A to F of HPMS.",
+    ),
     "methods": Command(
         "app.cli.methods",
         "List methods with source, needs and options, then formats, windows, resamplers and the like.",

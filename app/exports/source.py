@@ -18,7 +18,16 @@ from app.core.db import Bounds
 from app.core.messages import say
 from app.core.settings.places import FilePlace
 from app.map.segment import Segment, Way
-from app.map.store import FULL_ZOOM, PAGE, all_segments, corners, count_segments, in_box_sql
+from app.map.store import (
+    FULL_ZOOM,
+    PAGE,
+    all_segments,
+    corners,
+    count_segments,
+    in_box_sql,
+    segments_of_ways,
+    way_ids,
+)
 from app.map.tiles.store import mvt
 from app.network import ZOOM
 from app.network.cells import cell_bounds
@@ -26,7 +35,7 @@ from app.roads.region_files import kept_file
 from app.roads.store import Region, all_regions
 from app.terrain.store import current_dem
 from fusion.errors import RoadsError
-from fusion.types import Floats
+from fusion.types import Floats, Ints
 
 if TYPE_CHECKING:
     from fusion.terrain.dem import Dem
@@ -113,6 +122,14 @@ class Source:
             if not number % PARTS_APART:
                 self.on_progress(min(number / count, 1.0))
             yield row
+
+    def whole_ways(self, osm_way_ids: Sequence[int]) -> list[Segment]:
+        """All segments of these OpenStreetMap ways, whether they are asked for or not, by ascending id."""
+        return segments_of_ways(self.session, osm_way_ids)
+
+    def osm_way_ids(self) -> Ints:
+        """Of all segments there are, ascending."""
+        return way_ids(self.session)
 
     def asked_ways(self) -> Iterator[Way]:
         """The ways that are asked for, by ascending id; driven: any of them is measured."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+import numpy as np
 from sqlalchemy import Row, TextClause, text
 from sqlalchemy.orm import Session
 
@@ -19,6 +20,7 @@ from app.core.caller import seeing_all
 from app.core.db import Bounds
 from app.core.tables import IS_SHOWN
 from app.map.segment import COLUMNS, Segment
+from fusion.types import Ints
 
 # What a ``Segment`` is made of, in its order, then its ends.
 _SEGMENT_COLUMNS = (
@@ -80,6 +82,8 @@ _PAGE = """
 _COUNT = "SELECT count(*) FROM {segments} WHERE {driven} AND {in_box}"
 _ONE = "SELECT {columns} FROM {segments} WHERE s.id = :id"
 _EACH = "SELECT {columns} FROM {segments} WHERE s.id = ANY(:ids)"
+_OF_WAYS = "SELECT {columns} FROM {segments} WHERE s.osm_way_id = ANY(:ways) ORDER BY s.id"
+_WAYS = text("SELECT DISTINCT osm_way_id FROM segments ORDER BY osm_way_id")
 
 
 PAGE = 5000
@@ -123,6 +127,16 @@ def get_segment(session: Session, segment_id: int, *, gaps: bool = False) -> Seg
 def segments_by_id(session: Session, ids: Sequence[int]) -> list[Segment]:
     """Those of these segments that there are, in any order."""
     return [_segment(row) for row in session.execute(_statement(_EACH), {"ids": list(ids)})]
+
+
+def segments_of_ways(session: Session, ways: Sequence[int]) -> list[Segment]:
+    """All segments of these OpenStreetMap ways, by ascending id."""
+    return [_segment(row) for row in session.execute(_statement(_OF_WAYS), {"ways": list(ways)})]
+
+
+def way_ids(session: Session) -> Ints:
+    """The numbers of all OpenStreetMap ways that have segments, ascending."""
+    return np.fromiter(session.execute(_WAYS).scalars(), np.int64)
 
 
 # The drives behind a segment, each with how its estimate was made, and whether any pass of it is accepted. What

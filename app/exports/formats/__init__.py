@@ -25,6 +25,7 @@ from app.exports.formats.maproulette import MapRoulette
 from app.exports.formats.opensidewalks import OpenSidewalks
 from app.exports.formats.osm_ele import OsmEle
 from app.exports.formats.osrm import OsrmSpeeds
+from app.exports.formats.overture import Overture
 from app.exports.formats.pmtiles import PmTiles
 from app.exports.formats.routee import RouteeGrades
 from app.map.segment import HEIGHT_DATUM, Segment, attribution
@@ -47,6 +48,7 @@ for _format in (
     OpenSidewalks(),
     MapRoulette(),
     Josm(),
+    Overture(),
     DemHgt(),
     DemGeoTiff(),
     DemTerrarium(),

@@ -13,9 +13,10 @@ from itertools import groupby
 
 import numpy as np
 from pydantic import BaseModel, Field
+from sqlalchemy.orm import Session
 
 from app.map.heights.places import distances_along_m
-from app.map.heights.road_heights import MEASURED, OnRoad, RoadHeight, directions, unit
+from app.map.heights.road_heights import MEASURED, OnRoad, RoadHeight, directions, heights_of, unit
 from fusion.types import Floats
 
 HALF_M = 5.0
@@ -81,6 +82,17 @@ def grades_of(
         known = low.road.slope_sigma_percent if start.source == MEASURED else None
         sigma[n] = guessed if known is None else known
     return Grades(slope, sigma)
+
+
+def heights_and_grades(
+    session: Session, places: Floats, on: Sequence[OnRoad | None]
+) -> tuple[list[RoadHeight | None], Grades]:
+    """The heights of a line's ``places``, shape (n, 2), each of which is ``on`` a road, and the slopes there."""
+    before, after = moved(on, -HALF_M), moved(on, HALF_M)
+    # In one look: what lies at the ends of bridges is the same.
+    heights = heights_of(session, [*on, *before, *after])
+    n = len(places)
+    return heights[:n], grades_of(places, before, heights[n : 2 * n], after, heights[2 * n :])
 
 
 def climb_of(

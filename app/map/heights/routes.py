@@ -14,7 +14,7 @@ from app.core.http import OfTheMap, Service, ServiceDep, problems
 from app.core.messages import say
 from app.core.standby.use import MapRoute
 from app.map.heights import places as reading
-from app.map.heights.grades import HALF_M, Climb, Grades, climb_of, grades_of, moved
+from app.map.heights.grades import Climb, Grades, climb_of, heights_and_grades
 from app.map.heights.road_heights import OnRoad, RoadHeight, along_line, heights_of, nearest
 from app.map.heights.store import roads_near
 from app.map.segment import HEIGHT_DATUM, attribution
@@ -305,13 +305,11 @@ def _heights(
             on = along_line(places, near, radius_m)
         else:
             on = [nearest(place, roads, radius_m) for place, roads in zip(places, near, strict=True)]
-        before, after = (moved(on, -HALF_M), moved(on, HALF_M)) if slope else ([], [])
-        # In one look: what lies at the ends of bridges is the same.
-        heights = heights_of(session, [*on, *before, *after])
+        heights, grades = (
+            heights_and_grades(session, places, on) if slope else (heights_of(session, on), None)
+        )
         west, south = places.min(axis=0).tolist()
         east, north = places.max(axis=0).tolist()
         rasters = names_over(current_dem(session, service.settings.dem_dir), [(west, south, east, north)])
         note = service.edition_note(session)
-    n = len(places)
-    grades = grades_of(places, before, heights[n : 2 * n], after, heights[2 * n :]) if slope else None
-    return on, heights[:n], {"datum": HEIGHT_DATUM, "attribution": attribution(rasters), **note}, grades
+    return on, heights, {"datum": HEIGHT_DATUM, "attribution": attribution(rasters), **note}, grades

@@ -22,7 +22,7 @@ runner = CliRunner()
 def test_commands_are_those_of_the_design() -> None:
     served = "demo up api worker migrate import-roads regions import-dem import-control upload drives settle release "
     served += "repeats elevation keys backup restore doctor sweep"
-    alone = "fuse batch import-batch export-logs track gnss-study score simulate export methods"
+    alone = "fuse batch import-batch export-logs track gnss-study score simulate export hpms methods"
     assert list(COMMANDS) == f"{served} {alone}".split()
 
 
