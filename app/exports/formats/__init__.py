@@ -27,6 +27,7 @@ from app.exports.formats.osm_ele import OsmEle
 from app.exports.formats.osrm import OsrmSpeeds
 from app.exports.formats.pmtiles import PmTiles
 from app.exports.formats.routee import RouteeGrades
+from app.exports.formats.sumo import Sumo
 from app.map.segment import HEIGHT_DATUM, Segment, attribution
 from fusion.errors import UnknownNameError
 from fusion.registry import Registry
@@ -44,6 +45,7 @@ for _format in (
     OsmEle(),
     OsrmSpeeds(),
     RouteeGrades(),
+    Sumo(),
     OpenSidewalks(),
     MapRoulette(),
     Josm(),
