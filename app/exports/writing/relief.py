@@ -52,6 +52,7 @@ ArcSecond = Annotated[int, AfterValidator(_one_or_three)]
 class Crossings(StrEnum):
     """Whose posts they are where roads cross at different levels."""
 
+    SHARED = "shared"
     GROUND = "ground"
     UPPER = "upper"
 
@@ -63,8 +64,8 @@ class ReliefOptions(NoOptions):
         120, ge=30, le=1000, description="So far beside roads the correction is blended out."
     )
     crossings: Crossings = Field(
-        Crossings.GROUND,
-        description="Whose height counts where roads cross at different levels: ground (as routers sample) or upper.",
+        Crossings.SHARED,
+        description="Whose height counts where roads cross at different levels: shared, ground or upper.",
     )
     most_sigma_m: float = Field(
         5, gt=0, le=100, description="Only roads whose height is known to so many metres (one sigma)."
@@ -88,12 +89,12 @@ def relief_of(
 
     ``whole``: posts are whole metres; ``one_post``: for who takes one post for a place.
     """
-    from fusion.terrain.corrected.fit import CorrectedTerrain, Rule  # noqa: PLC0415 - compilers and scipy
+    from fusion.terrain.corrected.fit import CorrectedTerrain, Levels, Rule  # noqa: PLC0415 - compilers and scipy
 
     roads = _roads(source, options.most_sigma_m)
     if not len(roads):
         raise RoadsError(say("export.no_road_heights", most_m=options.most_sigma_m))
-    rule = Rule(options.blend_m, options.crossings is Crossings.UPPER, one_post, whole)
+    rule = Rule(options.blend_m, Levels(options.crossings), one_post, whole)
     with source.ground() as dem:
         terrain = CorrectedTerrain(dem, roads, rule)
         datum = source.ground_datum()
