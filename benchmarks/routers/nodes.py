@@ -16,7 +16,7 @@ LEAST_M = 20.0
 def sampled_rows(scene: Scene, before: HgtTile, after: tuple[HgtTile, HgtTile], measured: Bools) -> Rows:
     """GraphHopper and BRouter: nodes of segments on the ground, and ends of bridges and tunnels.
 
-    ``after``: tiles for who interpolates, and for GraphHopper.
+    ``after``: tiles for BRouter and for GraphHopper.
     """
     town, decks = scene.town, on_structure(scene.town)
     ground = np.flatnonzero(~decks & (town.length_m >= LEAST_M))

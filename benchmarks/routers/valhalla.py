@@ -10,7 +10,8 @@ broad shape (an HGT tile); hills are made up without it.
 
 Roads are real, their heights are made (``routers.made``), so the truth is known. Drives with mixed receivers are
 simulated over them, fused with an elevation model that errs and knows no bridge, bank or cutting, and solved together,
-as a service does; the export ``dem-hgt`` of that solution is the second model. Valhalla builds the map with each.
+as a service does; the export ``dem-hgt`` of that solution, for each router, is the second model. Valhalla builds the
+map with both.
 
     weighted_grade, max_upward_grade   of the edges of ``--routes`` routes that Valhalla finds between random places,
                                        against what it would say of true heights
@@ -115,8 +116,7 @@ def _one_scene(scene: Scene, folder: Path, asked: argparse.Namespace, seed: int)
     folder.mkdir(parents=True, exist_ok=True)
     before = scene.write_tile(folder / "before", seed)
     measured = _measured(scene, before, folder, asked, seed)
-    after = folder / "after" / before.relative_to(folder / "before")
-    both = HgtTile(after), HgtTile(folder / "after" / before.name)
+    both = HgtTile(folder / "brouter" / before.name), HgtTile(folder / "graphhopper" / before.name)
     rows = _driven(scene, folder, measured, asked, seed) if _has_valhalla(asked) else []
     rows += sampled_rows(scene, HgtTile(before), both, measured)
     share = scene.town.length_m[measured].sum() / scene.town.length_m.sum()
@@ -135,7 +135,7 @@ def _arguments() -> argparse.Namespace:
     for name, usual in (("--drives", 60), ("--minutes", 15), ("--routes", 200)):
         parser.add_argument(name, type=int, default=usual)
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3, 4, 5])
-    parser.add_argument("--crossings", default="shared", choices=["shared", "ground", "upper"])
+    parser.add_argument("--crossings", choices=["shared", "ground", "upper"])
     return parser.parse_args()
 
 
@@ -151,16 +151,17 @@ def _measured(scene: Scene, tile: Path, folder: Path, asked: argparse.Namespace,
         solution = fusion.solve().solution
         source = SolvedSource(solution, datetime.now(UTC), [asked.map], lambda: dem)
         form = FORMATS["dem-hgt"]
-        for router in ("valhalla", "graphhopper"):
+        crossings = {} if asked.crossings is None else {"crossings": asked.crossings}
+        for router in ("valhalla", "graphhopper", "brouter"):
             archive, options = (
                 folder / f"{router}.hgt.zip",
-                form.parse_options({"router": router, "crossings": asked.crossings}, local=True),
+                form.parse_options({"router": router} | crossings, local=True),
             )
             form.write(cast(Source, source), archive, {"attribution": ""}, options)
-            zipfile.ZipFile(archive).extractall(folder / "after")
+            zipfile.ZipFile(archive).extractall(folder / router)
         print(source.notes[0])
-    for inner in (folder / "after").glob("*.hgt.zip"):
-        zipfile.ZipFile(inner).extractall(folder / "after")
+    for inner in (folder / "graphhopper").glob("*.hgt.zip"):
+        zipfile.ZipFile(inner).extractall(inner.parent)
     ours, known = scene.town.roads, solution.roads
     keys = set(zip(known.osm_way_id.tolist(), known.from_node.tolist(), known.to_node.tolist(), strict=True))
     mine = zip(ours.osm_way_id.tolist(), ours.from_node.tolist(), ours.to_node.tolist(), strict=True)
@@ -172,8 +173,8 @@ def _driven(scene: Scene, folder: Path, measured: Bools, asked: argparse.Namespa
     valhalla = Valhalla(asked.programs, folder)
     show_progress("Valhalla's tiles")
     valhalla.build(asked.map)
-    for name in ("before", "after"):
-        valhalla.with_elevation(f"tiles-{name}", folder / name, asked.map)
+    for name, elevation in (("before", folder / "before"), ("after", folder / "valhalla")):
+        valhalla.with_elevation(f"tiles-{name}", elevation, asked.map)
     places, chance = Places(scene, measured), np.random.default_rng([seed, 73])
     edges, steps = Collected(), Collected()
     done = tries = 0
