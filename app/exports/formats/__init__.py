@@ -22,6 +22,7 @@ from app.exports.formats.geoparquet import GeoParquet, WayParquet
 from app.exports.formats.gpkg import GeoPackage
 from app.exports.formats.josm import Josm
 from app.exports.formats.maproulette import MapRoulette
+from app.exports.formats.opendrive import OpenDrive
 from app.exports.formats.opensidewalks import OpenSidewalks
 from app.exports.formats.osm_ele import OsmEle
 from app.exports.formats.osrm import OsrmSpeeds
@@ -46,6 +47,7 @@ for _format in (
     OsrmSpeeds(),
     RouteeGrades(),
     Sumo(),
+    OpenDrive(),
     OpenSidewalks(),
     MapRoulette(),
     Josm(),

@@ -12,7 +12,6 @@ plane. An edge is the part of a way between two junctions and is called after bo
 from __future__ import annotations
 
 import math
-import re
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -41,8 +40,6 @@ _TYPES = {
     "living_street": (1, 2.78), "service": (1, 5.56), "track": (1, 5.56), "road": (1, 13.89),
 }  # fmt: skip
 """Lanes in each direction, and m/s, where tags say neither; a class that comes first goes first at junctions."""
-_MPS = {None: 1 / 3.6, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "mph": 0.44704}
-_MAXSPEED = re.compile(r"(\d{1,3})(?: ?(km/h|kmh|mph))?")
 
 
 class SumoOptions(NoOptions):
@@ -137,7 +134,7 @@ def _edges(roads: Courses, edges: list[_Edge]) -> Iterator[str]:
         shape = " ".join(f"{lon:.7f},{lat:.7f},{z:.3f}" for lon, lat, z in place.tolist())
         told = {"id": edge.id, "from": str(roads.node[row[0]]), "to": str(roads.node[row[-1]]), "shape": shape,
                 "type": f"highway.{course.highway}", "spreadType": "center" if course.oneway else "right",
-                **_lanes(course, edge.against), **_speed(course)}  # fmt: skip
+                **_usual(course, against=edge.against)}  # fmt: skip
         if name := course.tags.get("name"):
             told["name"] = name
         attributes = " ".join(f"{key}={quoteattr(value)}" for key, value in told.items())
@@ -156,22 +153,12 @@ def lengths_m(place: Floats) -> Floats:
     return np.asarray(METRES_PER_DEGREE * np.hypot(east, np.diff(place[:, 1])))
 
 
-def _lanes(course: Course, against: bool) -> dict[str, str]:
-    """Lanes in this direction, where tags say how many."""
-    own = course.tags.get(f"lanes:{'backward' if against else 'forward'}", "")
-    if own.isdigit() and 0 < int(own) < 10:
-        return {"numLanes": str(int(own))}
-    both = course.tags.get("lanes", "")
-    if not both.isdigit() or not 0 < int(both) < 20:
-        return {}
-    return {"numLanes": both if course.oneway else str(math.ceil(int(both) / 2))}
-
-
-def _speed(course: Course) -> dict[str, str]:
-    told = _MAXSPEED.fullmatch(course.tags.get("maxspeed", ""))
-    if told is None or int(told[1]) == 0:
-        return {}
-    return {"speed": f"{int(told[1]) * _MPS[told[2]]:.2f}"}
+def _usual(course: Course, *, against: bool) -> dict[str, str]:
+    """Lanes and speed in this direction, where tags say them."""
+    lanes, speed = course.lanes(against=against), course.speed_mps()
+    return ({} if lanes is None else {"numLanes": str(lanes)}) | (
+        {} if speed is None else {"speed": f"{speed:.2f}"}
+    )
 
 
 def _types() -> Iterator[str]:

@@ -6,6 +6,8 @@ A course is a way of a file, or the part of one between two nodes where ways mee
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -20,6 +22,11 @@ from fusion.types import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from app.exports.source import Source
+
+
+MOST_LANES = 20
+_MPS = {None: 1 / 3.6, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "mph": 0.44704}
+_MAXSPEED = re.compile(r"(\d{1,3})(?: ?(km/h|kmh|mph))?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +48,21 @@ class Course:
     def oneway(self) -> int:
         """1 along the way, -1 against it, 0 both."""
         return oneway_of(self.highway, self.tags.get("oneway"), self.tags.get("junction"))
+
+    def lanes(self, *, against: bool) -> int | None:
+        """Lanes along the way or against it, where tags say how many; of a one-way road all of them."""
+        own = self.tags.get(f"lanes:{'backward' if against else 'forward'}", "")
+        if own.isdigit() and 0 < int(own) < MOST_LANES:
+            return int(own)
+        both = self.tags.get("lanes", "")
+        if not both.isdigit() or not 0 < int(both) < MOST_LANES:
+            return None
+        return int(both) if self.oneway else math.ceil(int(both) / 2)
+
+    def speed_mps(self) -> float | None:
+        """How fast one may go, where the tag says it as a number."""
+        told = _MAXSPEED.fullmatch(self.tags.get("maxspeed", ""))
+        return None if told is None or int(told[1]) == 0 else int(told[1]) * _MPS[told[2]]
 
     @property
     def name(self) -> str:
