@@ -1,7 +1,7 @@
 """Roads from junction to junction with the height of each node: what simulators take instead of a map.
 
-A course is a way of a file, or the part of one between two nodes where ways meet or end. Heights are those of
-``osm-ele``: measured ones, which lead over into the elevation model's. Knows no consumer.
+A course is a way of a file, or the part of one between two nodes where ways meet or end; a loop is two. Heights are
+those of ``osm-ele``: measured ones, which lead over into the elevation model's. Knows no consumer.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -126,5 +127,10 @@ def _parts(row: Ints, ends: Bools) -> Iterator[Ints]:
         run = known[np.r_[True, np.diff(known) != 0][: len(known)]]
         cuts = np.flatnonzero(ends[run])
         cuts = np.unique(np.r_[0, cuts, len(run) - 1]) if len(run) else cuts
-        for a, b in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
-            yield run[a : b + 1]
+        for a, b in pairwise(cuts.tolist()):
+            if run[a] == run[b] and b - a > 1:  # a loop: networks of edges have none
+                middle = (a + b) // 2
+                yield run[a : middle + 1]
+                yield run[middle : b + 1]
+            else:
+                yield run[a : b + 1]

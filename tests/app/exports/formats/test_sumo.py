@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from pyproj import Proj
 
+from app.exports.writing.road_courses import _parts
 from fusion.errors import BadOptionsError
 from sumo_support import run, sumo_program
 
@@ -83,6 +84,12 @@ def test_plain_xml_has_every_road_in_each_direction_that_may_be_driven(mapped: M
         wanted |= {(way, row[a], row[b])} if oneway >= 0 else set()
         wanted |= {(way, row[b], row[a])} if oneway <= 0 else set()
     assert set(segments) == wanted and set(segments.values()) == {1}
+
+
+def test_ways_are_parted_where_they_meet_and_loops_in_their_middle() -> None:
+    ends = np.array([True, False, True, False, False, True])
+    parts = [part.tolist() for part in _parts(np.array([0, 1, 2, 3, 4, 2, -1, 5, 5, 3]), ends)]
+    assert parts == [[0, 1, 2], [2, 3], [3, 4, 2], [5, 3]]
 
 
 def test_heights_are_those_measured_and_inclines_those_of_the_edges(mapped: Mapped, plain: Path) -> None:
