@@ -58,6 +58,7 @@ from app.drives.trials import routes as trials
 from app.exports import routes as exports
 from app.exports.qgis import routes as qgis
 from app.map import segments
+from app.map.heights import energy
 from app.map.heights import routes as heights
 from app.map.items import collection_routes as collections
 from app.map.items import landing
@@ -103,6 +104,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     tiles.router,
     names.router,
     heights.router,
+    energy.router,
     tiles.ogc_router,
     exports.router,
     qgis.router,

@@ -118,6 +118,7 @@ _TABLE = {
         GET /v1/editions/{number}
         GET /v1/editions/{number}/{name}
         GET /v1/elevation
+        POST /v1/energy
         GET /v1/exports/formats
         GET /v1/regions
         GET /v1/segments/{segment_id}

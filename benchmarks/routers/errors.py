@@ -38,6 +38,19 @@ class Errors:
         return found
 
 
+def median_rows(scenes: Sequence[Rows]) -> Rows:
+    """Medians over scenes of rows of the same name, and the largest share that is left of any scene."""
+    by_name: dict[tuple[str, str], Rows] = {}
+    for row in (row for rows in scenes for row in rows):
+        by_name.setdefault((row["what"], row["where"]), []).append(row)
+    return [
+        {"what": what, "where": where, "n": round(float(np.median([row["n"] for row in rows]))),
+         **{name: float(np.median([row[name] for row in rows])) for name in ("before", "after", "left")},
+         "most_left": max(row["left"] for row in rows)}
+        for (what, where), rows in by_name.items()
+    ]  # fmt: skip
+
+
 class Collected:
     """Grades, one after the other: the true ones, those of both models, and where they are."""
 

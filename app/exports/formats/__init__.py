@@ -22,12 +22,14 @@ from app.exports.formats.geoparquet import GeoParquet, WayParquet
 from app.exports.formats.gpkg import GeoPackage
 from app.exports.formats.josm import Josm
 from app.exports.formats.maproulette import MapRoulette
+from app.exports.formats.opendrive import OpenDrive
 from app.exports.formats.opensidewalks import OpenSidewalks
 from app.exports.formats.osm_ele import OsmEle
 from app.exports.formats.osrm import OsrmSpeeds
 from app.exports.formats.overture import Overture
 from app.exports.formats.pmtiles import PmTiles
 from app.exports.formats.routee import RouteeGrades
+from app.exports.formats.sumo import Sumo
 from app.map.segment import HEIGHT_DATUM, Segment, attribution
 from fusion.errors import UnknownNameError
 from fusion.registry import Registry
@@ -45,6 +47,8 @@ for _format in (
     OsmEle(),
     OsrmSpeeds(),
     RouteeGrades(),
+    Sumo(),
+    OpenDrive(),
     OpenSidewalks(),
     MapRoulette(),
     Josm(),

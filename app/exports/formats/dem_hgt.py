@@ -20,7 +20,7 @@ from pydantic import Field
 
 from app.core.messages import say
 from app.exports.format import ALL_FILTERS, Format, Stated
-from app.exports.writing.relief import ArcSecond, ReliefOptions, about, relief_of
+from app.exports.writing.relief import ArcSecond, Crossings, ReliefOptions, about, relief_of
 
 if TYPE_CHECKING:
     from app.exports.source import Source
@@ -45,6 +45,12 @@ class HgtOptions(ReliefOptions):
         1,
         description="1: 3601 posts a side, 3: 1201, which Valhalla does not read.",
     )
+
+    @property
+    def levels(self) -> Crossings:
+        """Valhalla samples along roads, where decks are at stake; the others at nodes alone."""
+        usual = Crossings.UPPER if self.router is Router.VALHALLA else Crossings.SHARED
+        return self.crossings or usual
 
 
 class DemHgt(Format):

@@ -52,6 +52,7 @@ ArcSecond = Annotated[int, AfterValidator(_one_or_three)]
 class Crossings(StrEnum):
     """Whose posts they are where roads cross at different levels."""
 
+    SHARED = "shared"
     GROUND = "ground"
     UPPER = "upper"
 
@@ -62,13 +63,19 @@ class ReliefOptions(NoOptions):
     blend_m: float = Field(
         120, ge=30, le=1000, description="So far beside roads the correction is blended out."
     )
-    crossings: Crossings = Field(
-        Crossings.GROUND,
-        description="Whose height counts where roads cross at different levels: ground (as routers sample) or upper.",
+    crossings: Crossings | None = Field(
+        None,
+        description="Whose height counts where roads cross at different levels: shared, ground or upper; "
+        "by default upper for Valhalla, else shared.",
     )
     most_sigma_m: float = Field(
         5, gt=0, le=100, description="Only roads whose height is known to so many metres (one sigma)."
     )
+
+    @property
+    def levels(self) -> Crossings:
+        """What is asked for, or best for the consumer."""
+        return self.crossings or Crossings.SHARED
 
 
 @dataclass(frozen=True)
@@ -88,12 +95,12 @@ def relief_of(
 
     ``whole``: posts are whole metres; ``one_post``: for who takes one post for a place.
     """
-    from fusion.terrain.corrected.fit import CorrectedTerrain, Rule  # noqa: PLC0415 - compilers and scipy
+    from fusion.terrain.corrected.fit import CorrectedTerrain, Levels, Rule  # noqa: PLC0415 - compilers and scipy
 
     roads = _roads(source, options.most_sigma_m)
     if not len(roads):
         raise RoadsError(say("export.no_road_heights", most_m=options.most_sigma_m))
-    rule = Rule(options.blend_m, options.crossings is Crossings.UPPER, one_post, whole)
+    rule = Rule(options.blend_m, Levels(options.levels), one_post, whole)
     with source.ground() as dem:
         terrain = CorrectedTerrain(dem, roads, rule)
         datum = source.ground_datum()
@@ -147,7 +154,7 @@ def about(stated: Stated, relief: Relief, options: ReliefOptions) -> str:
         f"Attribution: {stated.get('attribution', '')}\n"
         f"Heights: metres above {relief.datum or stated.get('height_datum', 'an unknown datum')}\n"
         f"Corrected: within {options.blend_m:g} m of measured roads; where roads cross at different levels: "
-        f"{options.crossings.value}\n"
+        f"{options.levels.value}\n"
         f"changed/: what became of each post: {CHANGES}\n"
         f"{_rasters(stated)}"
         f"Data of {stated.get('changed_at', 'unknown')}\n\n{stated.get('provenance', '')}\n"

@@ -64,10 +64,14 @@ def grades_of(
     heights_before: Sequence[RoadHeight | None],
     after: Sequence[OnRoad | None],
     heights_after: Sequence[RoadHeight | None],
+    ways: Floats | None = None,
 ) -> Grades:
-    """The slopes at ``places``, shape (n, 2), between what lies ``before`` and ``after`` each of them on its road."""
+    """The slopes at ``places``, shape (n, 2), between what lies ``before`` and ``after`` each of them on its road.
+
+    ``ways`` (n, 2) are the line's directions there where they are known better than by the places themselves.
+    """
     slope, sigma = np.full(len(places), np.nan), np.full(len(places), np.nan)
-    ways = directions(places)
+    ways = directions(places) if ways is None else ways
     for n, (low, high, start, end) in enumerate(
         zip(before, after, heights_before, heights_after, strict=True)
     ):

@@ -168,7 +168,7 @@ def _height(place: OnRoad, decks: dict[int, RoadHeight]) -> RoadHeight | None:
     if road.measured:
         return measured_height(road, place.share)
     if not road.structure:
-        return _of_model(road, place.share)
+        return model_height(road, place.share)
     start, end = (decks.get(node) for node in road.nodes)
     if start is None or end is None:
         return None
@@ -197,7 +197,8 @@ def _course(road: RoadHere, start_m: float, end_m: float) -> tuple[list[float], 
     return [0.0, first, last, road.length_m], [start_m, at_first, at_first + rise_m, end_m]
 
 
-def _of_model(road: RoadHere, share: float) -> RoadHeight | None:
+def model_height(road: RoadHere, share: float) -> RoadHeight | None:
+    """What the elevation model has at a share of the length of a segment: of the ground, also on a bridge."""
     heights = np.array(road.dem_heights_m or [], float)
     known = np.isfinite(heights)
     if not known.all() or not len(heights):
@@ -252,7 +253,7 @@ def _at_node(road: RoadHere, node: int) -> RoadHeight | None:
         height_m = float((road.height_from_m if share == 0.0 else road.height_to_m) or 0.0)
         known = math.isfinite(height_m)
         return RoadHeight(height_m, road.height_sigma_m or 0.0, MEASURED) if known else None
-    return None if road.structure else _of_model(road, share)
+    return None if road.structure else model_height(road, share)
 
 
 def _between(spans: dict[int, RoadHere], known: dict[int, RoadHeight]) -> dict[int, RoadHeight]:

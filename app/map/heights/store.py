@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,13 @@ _ONE = f"""
     SELECT coalesce(a.drives, 0), {_COLUMNS}
     FROM segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id
     WHERE s.id = %(id)s
+"""  # noqa: S608 - constants
+
+
+_BY_IDS = f"""
+    SELECT {_COLUMNS}
+    FROM segments AS s LEFT JOIN segment_slopes AS a ON a.segment_id = s.id
+    WHERE s.id = ANY(%(ids)s::bigint[])
 """  # noqa: S608 - constants
 
 
@@ -110,3 +118,9 @@ def one_road(session: Session, segment_id: int) -> tuple[RoadHere, int] | None:
     for drives, *columns in fetch_binary(session, _ONE, {"id": segment_id}):
         return RoadHere(*columns), int(drives)
     return None
+
+
+def roads_of(session: Session, ids: Sequence[int]) -> dict[int, RoadHere]:
+    """Segments by their numbers; those that there are."""
+    values = {"ids": np.array(ids, np.int64)}
+    return {columns[0]: RoadHere(*columns) for columns in fetch_binary(session, _BY_IDS, values)}

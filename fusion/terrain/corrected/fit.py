@@ -12,11 +12,12 @@ over the posts within ``Rule.blend_m`` of a road; c is 0 at all others, which st
 who takes the nearest post without interpolation. Where the model is void its correction has no meaning: there heights
 instead of corrections differ little.
 
-**Roads at different levels** (``LEVEL_M``) that cross need other heights of the same posts. Routers take bridges and
-tunnels by the ends of their ways and sample roads on the ground along their lines. So by the rule ``ground`` a bridge
-or tunnel has no say within a posting of another road on the ground, or of a higher bridge, but where its way ends;
-elsewhere its deck lies over the valley. By the rule ``upper`` the upper road has the posts. Roads on the ground share
-them.
+**Roads at different levels** (``LEVEL_M``) that cross need other heights of the same posts (``Levels``). Routers take
+bridges and tunnels by the ends of their ways and sample roads on the ground along their lines. So by ``ground`` a
+bridge or tunnel has no say within a posting of another road on the ground, or of a higher bridge, but where its way
+ends; elsewhere its deck lies over the valley. By ``shared`` it has as much of a say there as a place between nodes: it
+gives way to a junction below it and shares with a street. By ``upper`` the upper road has the posts. Roads on the
+ground share them, but by the last.
 
 Posts are solved in blocks, each with a margin; seams agree to a centimetre, since roads pin the surface.
 """
@@ -24,7 +25,7 @@ Posts are solved in blocks, each with a margin; seams agree to a centimetre, sin
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,14 +66,21 @@ class Change(IntEnum):
     """A bridge's deck or a road in a tunnel."""
 
 
+class Levels(StrEnum):
+    """Whose the posts are where roads cross at different levels."""
+
+    SHARED = "shared"
+    GROUND = "ground"
+    UPPER = "upper"
+
+
 @dataclass(frozen=True)
 class Rule:
     """How a model is corrected."""
 
     blend_m: float = 120.0
     """So far beside roads the correction is blended out."""
-    upper: bool = False
-    """Where roads cross at different levels the upper one has the posts, else the one on the ground."""
+    levels: Levels = Levels.SHARED
     one_post: bool = False
     """For GraphHopper without interpolation: the post that it takes for a node of a road has the node's height."""
     whole: bool = False
@@ -131,13 +139,15 @@ def _rounded(z: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Places whose four posts are in the window: posts (m, 4) by number, their weights, where, and what is wanted."""
+    """m places whose four posts are in the window: posts (m, 4) by number, their weights, where, and what is wanted."""
 
     post: Ints
     weight: Floats
     x_m: Floats
     y_m: Floats
     places: Places
+    shares: Bools
+    """Who would have no say by the rule ``ground``."""
 
     def beside(self, model_m: Floats, post: Ints, nearest: Ints) -> Floats:
         """Heights (k,) of posts beside their nearest places: corrected as there; where the model is void the road's."""
@@ -173,7 +183,8 @@ class _Window:
         change[samples.post[deck]] = Change.STRUCTURE
         outside = _rounded(start) if rule.whole else start
         system = _System(self.shape, start, outside, band)
-        sigma = np.where(samples.places.node, NODE_SIGMA_M, PLACE_SIGMA_M) * (1 + 100 * samples.places.sigma)
+        sure = samples.places.node & ~samples.shares
+        sigma = np.where(sure, NODE_SIGMA_M, PLACE_SIGMA_M) * (1 + 100 * samples.places.sigma)
         system.add(samples.post, samples.weight, samples.places.height_m, sigma)
         if rule.one_post and isinstance(self.grid, ArcSeconds):
             post, road = self._one_posts(self.grid, samples.places)
@@ -203,14 +214,16 @@ class _Window:
         inside = (u >= 0) & (v >= 0) & (u < columns - 1) & (v < rows - 1)
         places, u, v = places.take(inside), u[inside], v[inside]
         x, y = u * self.apart_m[0], v * self.apart_m[1]
-        keep = ~structures_that_lose(places, x, y, max(self.apart_m), upper=rule.upper)
-        places, u, v, x, y = places.take(keep), u[keep], v[keep], x[keep], y[keep]
+        upper, shared = rule.levels is Levels.UPPER, rule.levels is Levels.SHARED
+        loses = structures_that_lose(places, x, y, max(self.apart_m), upper=upper)
+        keep = ~loses | shared
+        places, u, v, x, y, shares = places.take(keep), u[keep], v[keep], x[keep], y[keep], loses[keep]
         left, top = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
         a, b = u - left, v - top
         first = top * columns + left
         post = first[:, None] + np.array([0, 1, columns, columns + 1])
         weight = np.column_stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b])
-        return _Samples(post, weight, x, y, places)
+        return _Samples(post, weight, x, y, places, shares)
 
     def _nearest(self, samples: _Samples, within_m: float) -> tuple[Floats, Ints]:
         """For each post (n,) how far the nearest place is, infinite beyond ``within_m``, and its number."""

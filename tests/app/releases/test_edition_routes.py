@@ -189,6 +189,9 @@ OF_NO_EDITION = {
 ASKED = {
     "/height": {"json": json.dumps({"shape": [{"lat": 49.0, "lon": 8.4}]})},
     "/v1/elevation": {"locations": "49.0,8.4"},
+    "/v1/energy": {
+        "json": json.dumps({"path": {"type": "LineString", "coordinates": [[8.4, 49.0], [8.41, 49.0]]}})
+    },
 }
 TOLD = {"number": 1, "day": "2026-11-13", "owners": 3, "owners_needed": 5}
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import re
-import shutil
 import subprocess
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,6 +20,7 @@ from app.exports.writing.osm_files import damage_told, merged, read_nodes
 from fusion.errors import BadOptionsError, RoadsError
 from fusion.roads.node_heights import node_heights
 from fusion.roads.osm import DRIVABLE
+from sumo_support import sumo_program
 
 ELE = re.compile(r"-?\d+\.\d\d")
 Mapped = Any  # of conftest, which cannot be imported
@@ -214,9 +214,7 @@ def test_a_file_that_is_none_is_named(mapped: Mapped, tmp_path: Path) -> None:
 def test_sumo_s_netconvert_makes_edges_with_these_heights(
     written: tuple[Path, int, list[str]], tmp_path: Path
 ) -> None:
-    netconvert = shutil.which("netconvert")
-    if netconvert is None:
-        pytest.skip("netconvert is not installed (Debian: apt-get install --no-install-recommends sumo)")
+    netconvert = sumo_program("netconvert")
     types = tmp_path / "types.xml"
     kinds = "".join(f'<type id="highway.{kind}" numLanes="1" speed="13.9"/>' for kind in sorted(DRIVABLE))
     types.write_text(f"<types>{kinds}</types>")

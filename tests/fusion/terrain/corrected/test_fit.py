@@ -12,7 +12,7 @@ from affine import Affine
 from fusion.simulate.scene.town import Town
 from fusion.simulate.write.dem_file import write_dem
 from fusion.terrain.corrected import blocks
-from fusion.terrain.corrected.fit import Block, Change, CorrectedTerrain, Rule
+from fusion.terrain.corrected.fit import Block, Change, CorrectedTerrain, Levels, Rule
 from fusion.terrain.corrected.grids import ArcSeconds, MercatorPixels, PostGrid, posting_m
 from fusion.terrain.corrected.roads import RoadHeights
 from fusion.terrain.dem import Dem
@@ -103,22 +103,43 @@ def test_a_deck_lies_over_a_valley(corrected: Any) -> None:
     assert block.height_m[60, 40] == pytest.approx(170, abs=0.01), "beside it the valley stays"
 
 
-@pytest.mark.parametrize("upper", [False, True])
-def test_where_roads_cross_at_two_levels_one_has_the_posts(corrected: Any, upper: bool) -> None:
+def crossing(corrected: Any, levels: Levels, *, junction: bool = True) -> tuple[float, Any, Any]:
+    """The height where a bridge of 8 m crosses a street; heights along the street, whose node is there if it is a
+    ``junction``, and along the bridge.
+    """
     across = np.column_stack([np.arange(15, 66, 2.5), np.full(21, 40.4)])
     deck = (across[:-1, 0] >= 30) & (across[1:, 0] <= 50)
-    below = np.column_stack([np.full(21, 40.4), np.arange(15, 66, 2.5)])
+    below = np.column_stack([np.full(21, 40.4), np.arange(15, 66, 2.5) + (0.4 if junction else 1.65)])
     over, under = road(across, np.full(21, 208.0), deck), road(below, np.full(21, 200.0), way=2)
-    block = corrected(FLAT, over.joined(under), upper=upper)
-    crossing = heights_at(block, WEST + 40.4 / 3600, NORTH - 40.4 / 3600)
+    block = corrected(FLAT, over.joined(under), levels=levels)
+    there = heights_at(block, WEST + 40.4 / 3600, NORTH - 40.4 / 3600)
     along = np.linspace(20, 60, 100)
     street = heights_at(block, np.full(100, WEST + 40.4 / 3600), NORTH - along / 3600)
     bridge = heights_at(block, WEST + along / 3600, np.full(100, NORTH - 40.4 / 3600))
-    base = float(np.median(street[:20]))
-    assert crossing == pytest.approx(base + (8 if upper else 0), abs=0.3)
+    return float(there - np.median(street[:20])), street, bridge
+
+
+@pytest.mark.parametrize("levels", [Levels.GROUND, Levels.UPPER])
+def test_where_roads_cross_at_two_levels_one_has_the_posts(corrected: Any, levels: Levels) -> None:
+    upper = levels is Levels.UPPER
+    there, street, bridge = crossing(corrected, levels)
+    assert there == pytest.approx(8 if upper else 0, abs=0.3)
     winner, loser = (bridge, street) if upper else (street, bridge)
     assert np.ptp(winner) < 0.7
     assert np.ptp(loser) > 5
+
+
+def test_shared_posts_are_a_junction_s_before_a_deck_s_and_steps_are_lower(
+    corrected: Any,
+) -> None:
+    assert crossing(corrected, Levels.SHARED)[0] < 2.5, (
+        "the node of the street below counts more than the deck"
+    )
+    there, street, bridge = crossing(corrected, Levels.SHARED, junction=False)
+    assert 2 < there < 6
+    alone = crossing(corrected, Levels.GROUND, junction=False)[2]
+    for line in (street, bridge):
+        assert np.abs(np.diff(line)).max() < 0.8 * np.abs(np.diff(alone)).max()
 
 
 def test_voids_near_roads_are_filled_and_others_stay(corrected: Any) -> None:
