@@ -65,6 +65,16 @@ def test_routes_in_the_text_exist() -> None:
         assert any(re.fullmatch(pattern, path) for pattern in patterns), path
 
 
+def test_what_a_request_does_that_is_sent_again_is_told_of_every_one() -> None:
+    paths = create_app(Settings(database_url="postgresql://nobody@localhost/none")).openapi()["paths"]
+    text = (DOCS / "reference/http.md").read_text()
+    section = text.partition("## When an answer is lost")[2].partition("\n## ")[0]
+    told = re.findall(
+        r"`(/\S+)`", "\n".join(line.split("|")[1] for line in section.splitlines() if "| `/" in line)
+    )
+    assert sorted(told) == sorted(path for path, methods in paths.items() if "post" in methods)
+
+
 def test_make_targets_in_the_text_exist() -> None:
     makefile = (REPOSITORY / "Makefile").read_text()
     named = re.findall(r"(?:`|^)make ([a-z]+)", prose(), re.MULTILINE)

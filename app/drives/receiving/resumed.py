@@ -23,6 +23,10 @@ from app.core.messages import say
 
 MOST_OPEN = 16
 """Of one owner at once."""
+MOST_ENDED = 100
+"""The answers of so many are kept, of each owner: those of the last."""
+MOST_PARTS = 1000
+"""Of one upload: each is a file, and all are listed at each request."""
 KEPT = timedelta(days=1)
 READ_BYTES = 1 << 20
 _PREFIX = "resumed"
@@ -61,10 +65,12 @@ class ResumedUploads:
         begun, ended = (
             {name.partition(".")[0] for name in names if name.endswith(end)} for end in (".asked", ".answer")
         )
-        over = {upload for upload in begun if self._is_over(upload)}
-        for upload in over:
+        since = {upload: self._begun_at(upload) for upload in begun}
+        forgotten = {upload for upload, begun_at in since.items() if begun_at is None}
+        latest = sorted(ended & begun - forgotten, key=lambda upload: since[upload] or "")
+        for upload in forgotten.union(latest[:-MOST_ENDED]):
             self.remove(upload)
-        if len(begun - ended - over) >= MOST_OPEN:
+        if len(begun - ended - forgotten) >= MOST_OPEN:
             raise TooManyError(say("resumed.many", most=MOST_OPEN))
         upload = secrets.token_hex(16)
         files.make_folder(self._fs, self._folder)
@@ -98,7 +104,10 @@ class ResumedUploads:
             files.remove_file(self._fs, f"{self._folder}/{self._before}{name}")
 
     def part(self, upload: str, offset: int) -> PartWriter:
-        """Write the bytes from there on."""
+        """Write the bytes from there on; ``TooManyError`` where it came in too many parts already."""
+        parts = self._parts(upload)
+        if len(parts) >= MOST_PARTS and sum(size for _, size in parts) < self.asked(upload).size_bytes:
+            raise TooManyError(say("resumed.parts", most=MOST_PARTS))
         return PartWriter(
             self._fs, f"{self._folder}/{self._before}{upload}.{offset:015d}", self._keep_free_bytes
         )
@@ -135,12 +144,12 @@ class ResumedUploads:
         names = (str(path).rpartition("/")[2] for path in paths)
         return [name.removeprefix(self._before) for name in names if name.startswith(before)]
 
-    def _is_over(self, upload: str) -> bool:
+    def _begun_at(self, upload: str) -> str | None:
+        """None: its time is over."""
         try:
-            self.asked(upload)
+            return self.asked(upload).begun_at
         except NotFoundError:
-            return True
-        return False
+            return None
 
     def _read(self, name: str) -> dict[str, Any] | None:
         try:

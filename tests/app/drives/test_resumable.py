@@ -156,6 +156,23 @@ def test_an_owner_has_a_bounded_number_under_way(web: Any, monkeypatch: pytest.M
     assert web.client.head(first).status_code == 404
 
 
+def test_what_is_kept_of_an_owners_uploads_is_bounded(web: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resumed, "MOST_ENDED", 2)
+    places = []
+    for _ in range(4):
+        places.append(begun(web, len(RIDE)))
+        assert sent(web, places[-1], 0, RIDE).status_code == 204
+    under_way = begun(web, 9)
+    assert [web.client.head(place).status_code for place in places] == [404, 404, 200, 200]
+    monkeypatch.setattr(resumed, "MOST_PARTS", 2)
+    sent(web, under_way, 0, b"a")
+    sent(web, under_way, 1, b"b")
+    answer = sent(web, under_way, 2, b"c")
+    assert answer.status_code == 409
+    assert "larger" in answer.json()["detail"]
+    assert offset_of(web, under_way) == 2
+
+
 def test_nobody_sees_the_uploads_of_another_owner(keyed: Any) -> None:
     web, keys = keyed.web, keyed.secrets
     anna = {"Authorization": f"Bearer {keys['anna']}"}
