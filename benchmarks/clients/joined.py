@@ -57,8 +57,9 @@ _JUDGED = """
 
 
 def queries() -> list[str]:
-    """The statements of the guide: the join, and what it is for."""
-    return re.findall(r"```sql\n(.*?);?\n```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    """The statements of the guide's part on geometry: the join, and what it is for."""
+    part = GUIDE.read_text(encoding="utf-8").partition("\n## By geometry")[2]
+    return re.findall(r"```sql\n(.*?);?\n```", part, re.DOTALL)
 
 
 def chains(roads: RoadTable, *, cut: bool) -> Iterator[list[int]]:

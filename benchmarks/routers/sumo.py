@@ -13,8 +13,8 @@ and ``bin/sumo`` in it (``SUMO_HOME`` by default). Roads, made heights, drives a
     truth             the true heights, put in as the last way does
 
 Lorries of 40 t with electric drive (SUMO's own model ``Energy``) make the same trips in each, none in another's way.
-Printed: energy of trips, of those over bridges, and on the edges of bridges alone, in kWh by truth, and the root mean
-square of errors as a share of the mean; medians of scenes.
+Printed: energy of trips, of those over bridges, and on the edges of bridges alone, in kWh by truth, and the RMS of
+errors as a share of the mean; medians of scenes.
 
 Aim: the error is halved.
 """

@@ -1,0 +1,1 @@
+export{n as SegmentView}from"./SegmentView-fyH4bos_.js";
