@@ -1,6 +1,6 @@
 /** Heights and slopes along any line: drawn on the map, or out of a file. */
 import { signal } from "@preact/signals";
-import { useEffect, useMemo } from "preact/hooks";
+import { useEffect, useLayoutEffect, useMemo } from "preact/hooks";
 import { tellError } from "../../shared/Messages";
 import { t } from "../../shared/texts";
 import { marks } from "../marks";
@@ -55,7 +55,8 @@ function Drawing() {
     }
     drawing.value = false;
   };
-  useEffect(() => (map ? draw(map, finish) : undefined), [map]);
+  // Before it is painted: a key that is pressed as soon as the words are there counts.
+  useLayoutEffect(() => (map ? draw(map, finish) : undefined), [map]);
   return (
     <div class="draws">
       <p>{t("tools.profile.drawing")}</p>
