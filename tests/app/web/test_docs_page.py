@@ -67,7 +67,7 @@ def test_guides_lead_to_each_other_and_to_files(web: Web, tab_maker: Callable[..
     tab.page.goto(f"{web.base}/docs/explanation/security#under-attack")
     tab.page.locator("#under-attack").wait_for()
     tab.await_true("document.getElementById('under-attack').getBoundingClientRect().top < 300")
-    assert tab.page.title() == "Security – Versant"
+    tab.await_true("document.title === 'Security – Versant'")  # the page says it once its text is there
     # Wide tables scroll by themselves; the page does not.
     assert tab.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     tab.page.goto(f"{web.base}/docs/published/al-assaad-2020")
