@@ -76,7 +76,22 @@ def transaction_options(patience: Patience | None, schema: str | None = None) ->
     return "; ".join(f"SET LOCAL {name} TO {value}" for name, value in options).encode()
 
 
-class PatientPool(QueuePool):
+class ClosingPool(QueuePool):
+    """Closes what comes back after it was given up: a thread that outlives its server still has a connection."""
+
+    _given_up = False
+
+    def dispose(self) -> None:
+        self._given_up = True
+        super().dispose()
+
+    def _do_return_conn(self, record: ConnectionPoolEntry) -> None:
+        super()._do_return_conn(record)
+        if self._given_up:
+            super().dispose()
+
+
+class PatientPool(ClosingPool):
     """Waits for a moment before it makes one more connection than it keeps: most are in use for milliseconds."""
 
     WAIT_S: ClassVar[float] = 0.25
@@ -112,7 +127,7 @@ def make_engine(
         limits["connect_timeout"] = max(2, math.ceil(patience.connection_s))
     engine = create_engine(
         sqlalchemy_url(url),
-        poolclass=PatientPool if background else QueuePool,
+        poolclass=PatientPool if background else ClosingPool,
         pool_pre_ping=True,
         hide_parameters=True,  # errors are logged, and boxes and places are parameters
         pool_size=pool_size,

@@ -33,6 +33,17 @@ def test_only_who_has_little_patience_is_hurried(database_url: str) -> None:
     assert shown(database_url, None) == ["0", "0"]
 
 
+def test_a_connection_that_comes_back_after_the_end_is_closed(database_url: str) -> None:
+    engine = make_engine(database_url)
+    with engine.connect() as kept, engine.connect() as late:
+        kept.close()
+        driver = late.connection.dbapi_connection
+        engine.dispose()
+        assert late.execute(text("SELECT 1")).scalar_one() == 1
+    assert driver is not None
+    assert driver.closed
+
+
 def test_a_statement_that_takes_too_long_is_a_503(
     settings: Settings, server_maker: MakeServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
