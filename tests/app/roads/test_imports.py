@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import text
 
@@ -49,20 +49,30 @@ def test_a_town_comes_back_bit_for_bit(sessions: Sessions, town: Town) -> None:
     assert len(set(ids.tolist())) == len(town.roads)
 
 
+AROUND_THE_WORLD = [(-180.0, -85.0, 360.0, 170.0, True), (-0.0, 5e-324, 0.0, -0.0, False)]
+
+
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     ends=st.lists(
         st.tuples(
-            st.floats(-180, 180), st.floats(-85, 85), st.floats(-180, 180), st.floats(-85, 85), st.booleans()
+            st.floats(-180, 180),
+            st.floats(-85, 85),
+            st.floats(-0.5, 0.5),
+            st.floats(-0.5, 0.5),
+            st.booleans(),
         ),
         min_size=1,
-        max_size=5,  # lines around the world are shown in thousands of cells
+        max_size=20,
     )
 )
+@example(AROUND_THE_WORLD)
 def test_any_coordinates_come_back_bit_for_bit(
     sessions: Sessions, chain: Chain, ends: list[tuple[float, float, float, float, bool]]
 ) -> None:
-    lon0, lat0, lon1, lat1, named = (np.array(column) for column in zip(*ends, strict=True))
+    # Places and how far it goes from there: lines around the world are shown in thousands of cells.
+    lon0, lat0, east, north, named = (np.array(column) for column in zip(*ends, strict=True))
+    lon1, lat1 = np.clip(lon0 + east, -180, 180), np.clip(lat0 + north, -85, 85)
     table = chain(
         len(ends),
         lon0_deg=lon0,
