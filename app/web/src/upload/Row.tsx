@@ -23,6 +23,8 @@ function words(item: Item): string {
   const phase: Phase = item.phase.value;
   const drive = item.drive.value;
   if (phase === "waiting") return t(item.tries > 0 ? "upload.waits_again" : "upload.waits");
+  if (phase === "sending" && item.lost.value)
+    return t("upload.lost", { sent: size(item.sent.value), all: size(item.size) });
   if (phase === "sending")
     return item.sent.value < item.size
       ? t("upload.sending", { sent: size(item.sent.value), all: size(item.size) })

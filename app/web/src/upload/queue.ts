@@ -9,15 +9,8 @@ import { inWords } from "../shared/said";
 import { tellTabs } from "../shared/tabs";
 import { t } from "../shared/texts";
 import { waitsForRoads } from "../shared/Waits";
-import {
-  type Accepted,
-  type LeftOut,
-  Refusal,
-  send,
-  type Transfer,
-  type Unclear,
-  type Uploaded,
-} from "./transfers";
+import { Refusal } from "./request";
+import { type Accepted, type LeftOut, send, type Transfer, type Unclear, type Uploaded } from "./transfers";
 import { opened, type Sendable } from "./zip";
 
 export type Phase =
@@ -54,6 +47,8 @@ export class Item {
   readonly size: number;
   readonly phase: Signal<Phase> = signal("waiting");
   readonly sent = signal(0);
+  /** It waits for the connection to come back. */
+  readonly lost = signal(false);
   readonly problem: Signal<ApiProblem | null> = signal(null);
   readonly drive: Signal<Drive | null> = signal(null);
   /** Of the drive that it became; empty before. */
@@ -236,8 +231,13 @@ async function transfer(item: Item): Promise<void> {
   try {
     const files = await opened(item.files);
     if (!items.value.includes(item)) return;
-    item.transfer = send(item.list ? [...files, item.list] : files, query, (bytes) => {
-      item.sent.value = bytes;
+    item.transfer = send(item.list ? [...files, item.list] : files, query, {
+      sent: (bytes) => {
+        item.sent.value = bytes;
+      },
+      lost: (is) => {
+        item.lost.value = is;
+      },
     });
     await settle(item, await item.transfer.done);
     tellTabs();
@@ -246,6 +246,7 @@ async function transfer(item: Item): Promise<void> {
     if (items.value.includes(item)) fail(item, error);
   } finally {
     item.transfer = null;
+    item.lost.value = false;
     pump();
   }
 }

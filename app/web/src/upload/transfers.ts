@@ -1,68 +1,62 @@
-/** One upload, with the bytes that have really gone: only XMLHttpRequest tells them. */
+/** One upload, whichever way its files go. */
 import type { components } from "../api/schema";
-import { ApiProblem, problemOf } from "../shared/api";
-import { t } from "../shared/texts";
+import { IN_PARTS_BYTES, inParts, TOO_MANY } from "./parts";
+import { asked, Refusal } from "./request";
 
 export type Accepted = components["schemas"]["UploadAccepted"];
 export type Uploaded = components["schemas"]["UploadedDrive"];
 export type LeftOut = components["schemas"]["LeftOutFile"];
 export type Unclear = components["schemas"]["UnclearFiles"];
 
-/** A refusal, and after how many seconds it is worth another try; null: not by itself. */
-export class Refusal extends Error {
-  constructor(
-    readonly problem: ApiProblem,
-    readonly againAfterS: number | null,
-  ) {
-    super(problem.message);
-  }
-}
-
 export interface Transfer {
   done: Promise<Accepted>;
   cancel: () => void;
 }
 
-const BUSY = 503;
-const AGAIN_S = 5;
+/** How far a transfer is. */
+export interface Told {
+  sent: (bytes: number) => void;
+  /** Whether it waits for the connection to come back. */
+  lost: (is: boolean) => void;
+}
 
-/** Send the files at once, as one drive or as many as the service finds. The promise fails with a `Refusal`. */
-export function send(files: File[], query: URLSearchParams, sent: (bytes: number) => void): Transfer {
-  const request = new XMLHttpRequest();
+/**
+ * Send the files together, as one drive or as many as the service finds; a large one by itself in parts. The promise
+ * fails with a `Refusal`.
+ */
+export function send(files: File[], query: URLSearchParams, told: Told): Transfer {
+  const stop = new AbortController();
+  const [only] = files;
+  const large = files.length === 1 && only && only.size >= IN_PARTS_BYTES;
+  const whole = () => atOnce(files, query, told, stop.signal);
+  const done = large
+    ? inParts(only, query, told, stop.signal).catch((error) => {
+        if (error instanceof Refusal && error.problem.type === TOO_MANY) return whole();
+        throw error;
+      })
+    : whole();
+  return { done: done.then((text) => JSON.parse(text) as Accepted), cancel: () => stop.abort() };
+}
+
+async function atOnce(
+  files: File[],
+  query: URLSearchParams,
+  told: Told,
+  signal: AbortSignal,
+): Promise<string> {
   const [only] = files;
   const address = new URL("/v1/drives", location.origin);
   for (const [name, value] of query) address.searchParams.append(name, value);
+  const headers: Record<string, string> = { Accept: "application/json" };
   let body: XMLHttpRequestBodyInit;
   if (files.length === 1 && only) {
     address.searchParams.set("filename", only.name);
+    headers["Content-Type"] = "application/octet-stream";
     body = only;
   } else {
     const form = new FormData();
     for (const file of files) form.append("file", file, file.name);
     body = form;
   }
-  request.open("POST", address);
-  request.setRequestHeader("Accept", "application/json");
-  if (!(body instanceof FormData)) request.setRequestHeader("Content-Type", "application/octet-stream");
-  request.upload.addEventListener("progress", (event) => sent(event.loaded));
-  const done = new Promise<Accepted>((resolve, reject) => {
-    request.addEventListener("load", () => {
-      answer(request).then(resolve, reject);
-    });
-    const broken = () => reject(new Refusal(new ApiProblem(0, "", t("upload.broke_off")), null));
-    request.addEventListener("error", broken);
-    request.addEventListener("abort", broken);
-  });
-  request.send(body);
-  return { done, cancel: () => request.abort() };
-}
-
-async function answer(request: XMLHttpRequest): Promise<Accepted> {
-  if (request.status === 200 || request.status === 202) return JSON.parse(request.responseText) as Accepted;
-  const response = new Response(request.responseText, {
-    status: request.status,
-    statusText: request.statusText,
-  });
-  const after = Number(request.getResponseHeader("Retry-After") ?? AGAIN_S) || AGAIN_S;
-  throw new Refusal(await problemOf(response), request.status === BUSY ? after : null);
+  return (await asked("POST", address, { headers, body, signal, sent: told.sent })).responseText;
 }
