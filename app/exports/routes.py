@@ -51,7 +51,6 @@ _BYTES: dict[str, Any] = {
     "",
     status_code=202,
     summary="Ask for a file",
-    response_model=documents.Export,
     responses={
         200: {"model": documents.Export, "description": "It is there already.", "headers": _LOCATION},
         202: {"description": "Queued, or being made.", "headers": _LOCATION},

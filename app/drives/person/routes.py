@@ -92,7 +92,6 @@ def _archive(request: Request, service: Service, base: str, owner_id: int) -> Ar
     "/owner",
     status_code=202,
     summary="Remove the caller's owner with all that it has",
-    response_model=OwnerRemoval,
     responses={202: {"headers": _LOCATION}, **problems(401, 403, 422, 503)},
 )
 def remove_own(
@@ -110,7 +109,6 @@ def remove_own(
     "/owners/{owner_id}",
     status_code=202,
     summary="Remove an owner with all that it has",
-    response_model=OwnerRemoval,
     responses={202: {"headers": _LOCATION}, **problems(401, 403, 404, 422, 503)},
 )
 def remove_owner(
@@ -129,7 +127,6 @@ def remove_owner(
 @router.get(
     "/removals/{removal_id}",
     summary="The receipt of a removal",
-    response_model=OwnerRemoval,
     responses=problems(404, 503),
 )
 def get_removal(removal_id: uuid.UUID, service: ServiceDep, base: BaseUrl) -> OwnerRemoval:

@@ -73,7 +73,6 @@ def _of_trial(schema: dict[str, Any], example: dict[str, Any]) -> dict[str, Any]
     "",
     status_code=202,
     summary="Try another method on a drive",
-    response_model=TrialAccepted,
     responses={
         200: {"model": TrialAccepted, "description": "Asked for before: that trial.", "headers": _LOCATION},
         202: {"description": "Queued.", "headers": _LOCATION},
