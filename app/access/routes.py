@@ -107,7 +107,7 @@ def rotate_key(
 
 def _own_key(session: Session, key_id: uuid.UUID) -> None:
     """Raise unless the caller may change that key: one of its owner's that may do no more than itself."""
-    key: store.Key = existing(store.get_key(session, key_id), "key", key_id)
+    key = existing(store.get_key(session, key_id), "key", key_id)
     if not present_caller().may(key.scope):
         raise ForbiddenError(say("access.that_may_more"))
 
@@ -195,6 +195,6 @@ def _change(service: Service, origin: str, owner_id: int, change: KeepingChange)
 
 
 def _figures(session: Session, service: Service, owner_id: int) -> OwnerFigures:
-    owner: store.Owner = existing(store.get_owner(session, owner_id), "owner", owner_id)
+    owner = existing(store.get_owner(session, owner_id), "owner", owner_id)
     now = standing(session, service.settings, owner_id, utc_now())
     return OwnerFigures.standing(owner, now, service.settings.keep_logs_days)

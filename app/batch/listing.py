@@ -7,12 +7,12 @@ bundle: the files of one drive. The order is that of names, whatever order stora
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
 from app.batch.errors import BatchError
-from app.core.filesystems import file_system, is_folder
+from app.core.filesystems import file_system
 from app.core.messages import say
 
 _ADDED = frozenset({"Thumbs.db", "desktop.ini"})
@@ -43,8 +43,8 @@ class Log(NamedTuple):
         return PurePosixPath(self.member or self.address).name
 
 
-def list_logs(named: Sequence[str], progress: Callable[[int], None] = lambda more: None) -> list[Log]:
-    """Every log under these names, by name, each once. ``progress`` takes how many more were found.
+def list_logs(named: Sequence[str]) -> list[Log]:
+    """Every log under these names, by name, each once.
 
     Raises ``BatchError`` for a name under which there is no log, ``OSError`` and what drivers of storage raise.
     """
@@ -53,7 +53,6 @@ def list_logs(named: Sequence[str], progress: Callable[[int], None] = lambda mor
         none = True
         for log in _under(name):
             found[log.address, log.member], none = log, False
-            progress(1)
         if none:
             raise BatchError(say("batch.no_log", name=name))
     return [found[key] for key in sorted(found)]
@@ -95,8 +94,3 @@ def _is_hidden(path: str) -> bool:
 def _stamp(info: dict[str, Any]) -> str:
     known = next((name for name in _STAMPS if info.get(name) is not None), None)
     return "" if known is None else f"{known} {info[known]}"
-
-
-def is_here(address: str) -> bool:
-    """Whether it is a file of this machine, or of a share that is mounted."""
-    return is_folder(file_system(address)[0])

@@ -144,7 +144,7 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
     The export is `cancelled`, and is told as such until it would have expired. Once more changes nothing.
     """
     with service.sessions.begin() as session:
-        export: documents.Export = existing(exports.get(session, export_id), "export", export_id)
+        export = existing(exports.get(session, export_id), "export", export_id)
         blob_key = store.cancel(session, export_id, service.settings)
         if export.status is not documents.ExportStatus.CANCELLED:
             audit.note(session, origin, "export removed", export_id, file_name=export.file_name)
@@ -241,8 +241,7 @@ def _naming(field: str) -> Iterator[None]:
 
 def _get_export(service: Service, export_id: uuid.UUID) -> documents.Export:
     with service.reading() as session:
-        export: documents.Export = existing(exports.get(session, export_id), "export", export_id)
-    return export
+        return existing(exports.get(session, export_id), "export", export_id)
 
 
 def _done(service: Service, export_id: uuid.UUID) -> documents.Export:

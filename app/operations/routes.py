@@ -285,5 +285,4 @@ def _add_operation(
 
 
 def _get(session: Session, number: uuid.UUID) -> Operation:
-    operation: Operation = existing(operations.get(session, number), "operation", number)
-    return operation
+    return existing(operations.get(session, number), "operation", number)

@@ -97,5 +97,4 @@ def _edition(service: Service, number: int | Literal["latest"], *, with_files: b
             edition = next(known, None)
         else:
             edition = store.get_edition(session, int(number))
-    found: Edition = existing(edition, "edition", number)
-    return found
+    return existing(edition, "edition", number)

@@ -123,7 +123,7 @@ def make_address(
     request: NewAddress, response: Response, service: ServiceDep, base: BaseUrl, origin: Origin
 ) -> MadeAddress:
     """Make a key of scope `live` and the address that holds it, told this once. Revoke the key to make it void."""
-    sender = _sender(request.sender)
+    sender = existing(SENDERS.get(request.sender), "program", request.sender)
     response.headers["Cache-Control"] = "no-store"
     with service.sessions.begin() as session:
         if len(list_keys(session, own_id())) >= MOST_KEYS:
@@ -156,7 +156,7 @@ def last_by_address(service: ServiceDep, capability: Capability) -> Streams:
 
 async def add_points(request: Request, service: ServiceDep, sender: SenderName) -> Response:
     """See ``_WHAT``."""
-    program = _sender(sender)
+    program = existing(SENDERS.get(sender), "program", sender)
     if request.headers.get("sec-fetch-site", "none") not in {"none", "same-origin"}:
         raise CrossOriginWriteError(say("live.another_page"))
     message = Message(dict(request.query_params), await request.body(), request.headers)
@@ -188,11 +188,6 @@ for _path, _route in (("/{sender}", add_points), ("/{sender}/{capability}", add_
             responses=_ANSWERS,
             openapi_extra=_extra,
         )
-
-
-def _sender(name: str) -> Sender:
-    sender: Sender = existing(SENDERS.get(name), "program", name)
-    return sender
 
 
 def _receive(service: Service, looks: QuotaLooks, sender: Sender, message: Message) -> None:

@@ -28,7 +28,7 @@ from app.core.http import link_documents as documents
 from app.core.query import cursor_of, parse_cursor
 from app.core.text import GEO_JSON, language_of
 from app.drives import store as drives
-from app.drives.documents import Drive, drive_address
+from app.drives.documents import drive_address
 from app.drives.outputs.drawing import Drawing
 from app.drives.outputs.estimates import estimate_feature
 from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
@@ -285,7 +285,7 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
     Resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the file. 410 where the owner keeps logs no longer.
     """
     with service.reading() as session:
-        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
     drive.require_log()
     etag, size = f'"{drive.sha256}"', drive.size_bytes
     shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}

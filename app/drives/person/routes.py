@@ -153,7 +153,7 @@ def _remove(
 
 def _receipt(service: Service, base: str, removal_id: uuid.UUID) -> OwnerRemoval:
     with service.reading() as session, seeing_all(session):
-        found: store.Removal = existing(store.get(session, removal_id), "removal", removal_id)
+        found = existing(store.get(session, removal_id), "removal", removal_id)
     removed = Counts.model_validate(found.counts)
     kept = found.counts.get("audit_rows_kept")
     return OwnerRemoval(
