@@ -40,8 +40,7 @@ def hpms(
     own. Lengths are scaled to the section's, end_point less begin_point.
     """
     from app.cli.database import sessions as databases
-    from app.cli.sections.reading import read_sections
-    from app.cli.sections.table import DIGITS, METRES_PER_MILE, row_of
+    from app.cli.sections.reading import DIGITS, METRES_PER_MILE, read_sections, row_of
     from app.core.db import snapshot
     from app.map.heights.classes import by_class
     from app.map.segment import attribution
