@@ -1,6 +1,7 @@
-"""``versant keys create``, ``list``, ``revoke``, ``rotate`` and ``link``.
+"""``versant keys``: the keys of a service, made, listed, revoked, given another secret; on the database itself.
 
-What a program is to take on, a secret or an address, stands alone on standard output.
+Whoever may open the database needs no key for it. What a program is to take on, a secret or an address, stands alone
+on standard output.
 """
 
 from __future__ import annotations
@@ -24,7 +25,14 @@ Scope = Literal["live", "upload", "own", "operate"]
 
 KEY_ID = arg("A key, as `list` names it.", metavar="ID")
 
+keys = typer.Typer(
+    no_args_is_help=True, help="Make, list, revoke or renew the keys of a service, or log a browser in."
+)
+app = typer.Typer(add_completion=False)
+app.add_typer(keys, name="keys")
 
+
+@keys.command("create")
 def create(
     ctx: typer.Context,
     owner: str = opt("Whose key it is.", default=..., metavar="NAME"),
@@ -58,6 +66,7 @@ def create(
     typer.echo(secret)
 
 
+@keys.command("list")
 def list_keys(
     ctx: typer.Context,
     owner: str | None = opt("Only keys of this owner.", metavar="NAME"),
@@ -79,6 +88,7 @@ def list_keys(
     write_json(json_file, {"keys": [KeyDocument.of(key).model_dump(mode="json") for key in keys]})
 
 
+@keys.command("revoke")
 def revoke(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None = DATA_DIR) -> None:
     """Let nobody in by a key any more, at once; it stays in the list."""
     from app.access import store
@@ -93,6 +103,7 @@ def revoke(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None
     console.note(say("keys.revoked", key=_described(key)))
 
 
+@keys.command("rotate")
 def rotate(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None = DATA_DIR) -> None:
     """Give a key another secret and print that, this once; the one before is void, and so are its sessions."""
     from app.access import store
@@ -114,6 +125,7 @@ def rotate(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None
     typer.echo(secret)
 
 
+@keys.command("link")
 def link(
     ctx: typer.Context,
     key_id: uuid.UUID | None = arg(
