@@ -22,12 +22,13 @@ from sqlalchemy.orm import Session
 from app.batch.archive import Archive, Input
 from app.batch.errors import BatchError
 from app.batch.kept import KeptDrive, ground_under, over
-from app.batch.opened import digest, opened
+from app.batch.opened import opened
 from app.batch.run import Shown
 from app.core.blobs import LOGS, StoredBlob
 from app.core.errors import StorageFullError
 from app.core.filesystems import file_system
 from app.core.messages import say
+from app.core.mirror import sha256_of
 from app.core.receiving.body import Piece
 from app.core.telemetry import audit
 from app.core.version import code_version
@@ -298,7 +299,7 @@ def stored(context: JobContext, one: Input, columns: Mapping[str, str] | None) -
     what an upload of it would meet."""
     settings = context.settings
     with opened(one.log) as path:
-        if digest(path) != one.sha256:
+        if sha256_of(path) != one.sha256:
             raise BatchError(say("batch.log_changed"))
         bundle = UploadBundle(
             context.blobs,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 import tempfile
 import zipfile
@@ -38,12 +37,6 @@ def opened(log: Log) -> Iterator[Path]:
                 with zipfile.ZipFile(file) as archive, archive.open(log.member) as member:
                     shutil.copyfileobj(member, out, _AT_ONCE)
         yield place
-
-
-def digest(path: Path) -> str:
-    """SHA-256 of a file, hex."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 class Reason(NamedTuple):

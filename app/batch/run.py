@@ -19,13 +19,13 @@ from app.batch.fusing import Choices, Group
 from app.batch.hands import Hands, Job
 from app.batch.listing import Log, list_logs
 from app.batch.locating import Located, chunks, groups
-from app.batch.opened import digest
 from app.batch.outputs import remove_outputs, write_outputs
 from app.batch.roads import PlacedRoads, key_of_roads
 from app.batch.solving import StoredDrive, StoredEvidence
 from app.batch.source import SolvedSource
 from app.batch.stored import alone_of, facts_of, read_drives
 from app.core.messages import say
+from app.core.mirror import sha256_of
 from app.core.version import code_version
 from app.map.segment import attribution
 from fusion.methods.base import OF_TERRAIN
@@ -222,7 +222,7 @@ def _write_manifest(
         "choices": choices.document(),
         "logs": len(logs),
         "logs_sha256": key_of(logs),
-        "control_sha256": None if request.control is None else digest(request.control),
+        "control_sha256": None if request.control is None else sha256_of(request.control),
         "gaps": request.gaps,
         "formats": list(request.formats),
         "segments": len(solution),

@@ -20,6 +20,7 @@ from app.embedded.errors import EmbeddedPostgresError
 from app.embedded.locks import FileLock, wait_until
 from app.embedded.postmaster import Postmaster, running_postmaster
 
+DATABASE = "versant"
 START_TIMEOUT_S = 120.0
 """Also how long another program may take that is starting or stopping the same server."""
 STOP_TIMEOUT_S = 60.0
@@ -43,21 +44,20 @@ class EmbeddedPostgres:
     that folder everybody is trusted. ``durable=False`` trades safety in a power cut for speed, for tests.
     """
 
-    def __init__(self, data_dir: Path, *, durable: bool = True, database: str = "versant") -> None:
+    def __init__(self, data_dir: Path, *, durable: bool = True) -> None:
         """Nothing is touched before ``start``."""
         self._cluster = Path(data_dir).expanduser().resolve() / "postgres"
         self._data = self._cluster / "data"
         self.log_path = self._cluster / "postgres.log"
         """The server's log."""
         self._durable = durable
-        self._database = database
         self._usage: FileLock | None = None
         self._socket_dir: Path | None = None
 
     @property
     def url(self) -> str:
         """SQLAlchemy URL of the database, valid while started."""
-        return self.url_of(self._database)
+        return self.url_of(DATABASE)
 
     def url_of(self, database: str) -> str:
         """SQLAlchemy URL of another database of the cluster, valid while started."""
@@ -133,7 +133,7 @@ class EmbeddedPostgres:
         if server is None:
             raise EmbeddedPostgresError(say("embedded.stopped", words=self._last_words()))
         self._socket_dir = server.socket_dir
-        databases.ensure_database(self.url_of("postgres"), self._database)
+        databases.ensure_database(self.url_of("postgres"), DATABASE)
         databases.ensure_postgis(self.url)
 
     def _await_server(self) -> Postmaster | None:
