@@ -187,6 +187,17 @@ def json_answer(description: str, example: Any) -> dict[str, Any]:
     return _answer(description, JSON, {"type": "object"}, example)
 
 
+def file_answers(example: str) -> dict[int | str, dict[str, Any]]:
+    """The OpenAPI descriptions of a file's answers: all of it, a part of it, and none where the client has it."""
+    binary = {"schema": {"type": "string", "format": "binary"}, "example": example}
+    content = {"content": {"application/octet-stream": binary}}
+    return {
+        200: {"description": "The file.", **content},
+        206: {"description": "The part of it that `Range` asks for.", **content},
+        304: {"description": "Unchanged since the ETag."},
+    }
+
+
 def _answer(description: str, media_type: str, schema: Any, example: Any) -> dict[str, Any]:
     return {"description": description, "content": {media_type: {"schema": schema, "example": example}}}
 

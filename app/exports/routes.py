@@ -12,7 +12,16 @@ from fastapi import APIRouter, Query, Request, Response
 
 from app.core.blobs import EXPORTS, BlobStore
 from app.core.errors import BadQueryError, BadRequestError, NotDoneError, NotFoundError
-from app.core.http import UNREADABLE_BODY, BaseUrl, Service, ServiceDep, existing, problems, quota_used_up
+from app.core.http import (
+    UNREADABLE_BODY,
+    BaseUrl,
+    Service,
+    ServiceDep,
+    existing,
+    file_answers,
+    problems,
+    quota_used_up,
+)
 from app.core.messages import say
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry import audit
@@ -37,14 +46,6 @@ BLOCK_BYTES = 4 * 2**20
 router = APIRouter(prefix="/v1/exports", tags=["exports"])
 
 _LOCATION = {"Location": {"description": "The export.", "schema": {"type": "string", "format": "uri"}}}
-_BYTES: dict[str, Any] = {
-    "content": {
-        "application/octet-stream": {
-            "schema": {"type": "string", "format": "binary"},
-            "example": "(the bytes of versant-gpkg.gpkg)",
-        }
-    }
-}
 
 
 @router.post(
@@ -157,9 +158,7 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
     summary="The file of an export",
     response_class=Response,
     responses={
-        200: {"description": "The file.", **_BYTES},
-        206: {"description": "The part of it that `Range` asks for.", **_BYTES},
-        304: {"description": "Unchanged since the ETag."},
+        **file_answers("(the bytes of versant-gpkg.gpkg)"),
         **problems(404, 409, 416, 503),
     },
 )

@@ -11,7 +11,17 @@ from fastapi import APIRouter, Path, Request, Response
 from pydantic import BaseModel, Field
 
 from app.core.errors import BadRequestError, NotFoundError
-from app.core.http import REVALIDATE, BaseUrl, Link, Service, ServiceDep, existing, link, problems
+from app.core.http import (
+    REVALIDATE,
+    BaseUrl,
+    Link,
+    Service,
+    ServiceDep,
+    existing,
+    file_answers,
+    link,
+    problems,
+)
 from app.core.messages import say
 from app.core.query import refuse_unknown
 from app.core.settings import Settings
@@ -138,14 +148,6 @@ Number = Annotated[
     Annotated[int, Path(ge=1, le=2**31 - 1)] | Literal["latest"],
     Path(description="Of the edition; `latest` stands for the newest."),
 ]
-_BYTES: dict[str, Any] = {
-    "content": {
-        "application/octet-stream": {
-            "schema": {"type": "string", "format": "binary"},
-            "example": "(the bytes of slopes.pmtiles)",
-        }
-    }
-}
 
 
 @router.get("/v1/editions", summary="Editions of the public map", responses=problems(422, 503))
@@ -169,9 +171,7 @@ def get_edition(number: Number, service: ServiceDep, base: BaseUrl) -> documents
     summary="A file of an edition",
     response_class=Response,
     responses={
-        200: {"description": "The file.", **_BYTES},
-        206: {"description": "The part of it that `Range` asks for.", **_BYTES},
-        304: {"description": "Unchanged since the ETag."},
+        **file_answers("(the bytes of slopes.pmtiles)"),
         **problems(404, 416, 503),
     },
 )

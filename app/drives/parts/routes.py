@@ -6,7 +6,7 @@ Knows no SQL and draws nothing.
 from __future__ import annotations
 
 import uuid
-from typing import Annotated, Any, BinaryIO, Literal
+from typing import Annotated, BinaryIO, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
@@ -17,6 +17,7 @@ from app.core.http import (
     BaseUrl,
     ServiceDep,
     existing,
+    file_answers,
     geojson_answer,
     geojson_response,
     link,
@@ -84,9 +85,6 @@ _GPX_EXAMPLE = (
     "</trkseg></trk></gpx>"
 )
 
-_FILE: dict[str, Any] = {
-    "content": {BYTES: {"schema": {"type": "string", "format": "binary"}, "example": "(the bytes)"}}
-}
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
@@ -273,9 +271,7 @@ async def drive_measurements(
     summary="A drive's log as it was uploaded",
     response_class=Response,
     responses={
-        200: {"description": "The file.", **_FILE},
-        206: {"description": "The part of it that `Range` asks for.", **_FILE},
-        304: {"description": "Unchanged since the ETag."},
+        **file_answers("(the bytes)"),
         **problems(404, 410, 416, 503),
     },
 )
