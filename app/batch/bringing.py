@@ -20,9 +20,9 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from app.batch.archive import Archive, Input
-from app.batch.errors import BatchError
+from app.batch.folder import BatchError
 from app.batch.kept import KeptDrive, ground_under, over
-from app.batch.opened import opened
+from app.batch.listing import opened
 from app.batch.run import Shown
 from app.core.blobs import LOGS, StoredBlob
 from app.core.errors import StorageFullError

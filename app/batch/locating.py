@@ -12,8 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from app.batch.folder import BatchFolder, is_settled, key_of, write_table
-from app.batch.listing import Log
-from app.batch.opened import DIED, opened, reason_of
+from app.batch.listing import DIED, Log, opened, reason_of
 from app.batch.places import cells, place_of_cell
 from app.core.mirror import sha256_of
 from fusion.formats import read_log

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, cast
 
-from app.batch.errors import BatchError
-from app.batch.folder import BatchFolder
+from app.batch.folder import BatchError, BatchFolder
 from app.batch.hands import DEAD, Hands
 from app.batch.source import SolvedSource
 from app.core.messages import say

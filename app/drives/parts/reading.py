@@ -269,3 +269,11 @@ def estimates_answer(
     else:
         chunks, headers = collection_chunks(map(estimate_feature, estimates), members), VARY
     return StreamingResponse(in_blocks(chunks), media_type=ESTIMATES[form], headers=headers)
+
+
+def opened_log(service: Service, drive: Drive, block_bytes: int) -> BinaryIO:
+    """The file as it came, fetched in blocks of a bucket; ``NotFoundError`` where it is lost."""
+    try:
+        return service.blobs.open(drive.blob_key, block_bytes)
+    except FileNotFoundError:
+        raise NotFoundError(say("drives.file_gone", id=drive.id)) from None

@@ -55,12 +55,12 @@ from app.drives.parts.reading import (
     in_blocks,
     log_name,
     measurements_answer,
+    opened_log,
     profile_answer,
     run_of_drive,
     stem_of,
     text_content,
 )
-from app.drives.parts.stored_log import opened_log
 from app.drives.parts.without_ends import EndsQuery, shown_estimates
 from app.exports.ranges import file_answer
 from app.map.segment import attribution

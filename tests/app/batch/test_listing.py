@@ -8,9 +8,8 @@ from pathlib import Path
 import fsspec
 import pytest
 
-from app.batch.errors import BatchError
-from app.batch.listing import list_logs
-from app.batch.opened import opened
+from app.batch.folder import BatchError
+from app.batch.listing import list_logs, opened
 from app.core.mirror import sha256_of
 
 
