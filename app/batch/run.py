@@ -19,10 +19,9 @@ from app.batch.fusing import Choices, Group
 from app.batch.hands import Hands, Job
 from app.batch.listing import Log, list_logs
 from app.batch.locating import Located, chunks, groups
-from app.batch.outputs import remove_outputs, write_outputs
+from app.batch.outputs import SolvedSource, remove_outputs, write_outputs
 from app.batch.roads import PlacedRoads, key_of_roads
 from app.batch.solving import StoredDrive, StoredEvidence
-from app.batch.source import SolvedSource
 from app.batch.stored import alone_of, facts_of, read_drives
 from app.core.messages import say
 from app.core.mirror import sha256_of

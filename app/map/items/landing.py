@@ -25,6 +25,7 @@ from app.map.items.openapi30 import openapi_30
 from app.map.segment import attribution
 from app.map.tiles.documents import SCHEMES_REL, tilesets_link
 from app.map.tiles.routes import TILES_CLASSES
+from fusion.messages import text_in
 
 Language = Literal["en", "de"]
 Theme = Literal["light", "dark"]
@@ -32,51 +33,6 @@ PAGES = ("map", "upload", "drives", "admin", "docs")
 CARDS = ("map", "upload", "record", "drives", "admin", "docs")
 """Pages that the root says more of."""
 LANGUAGES: Mapping[Language, str] = {"en": "English", "de": "Deutsch"}
-
-_TEXTS: Mapping[Language, Mapping[str, str]] = {
-    "en": {
-        "map": "Map",
-        "map_what": "How steep roads are, and how sure that is.",
-        "upload": "Upload",
-        "upload_what": "Logs of your vehicle, and what becomes of them.",
-        "record": "Record",
-        "record_what": "A try-out with a phone's browser, without an app.",
-        "drives": "Drives",
-        "drives_what": "Every log, its track and its profile.",
-        "admin": "Dashboard",
-        "admin_what": "What needs a person, the queue, what is measured.",
-        "docs": "Documentation",
-        "docs_what": "Guides, and everything that programs can ask.",
-        "what": "Slopes of roads, measured by vehicles.",
-        "pages": "Pages",
-        "language": "Language",
-        "theme": "Colours",
-        "light": "Light",
-        "dark": "Dark",
-        "programs": "For programs",
-    },
-    "de": {
-        "map": "Karte",
-        "map_what": "Wie steil Straßen sind, und wie sicher das ist.",
-        "upload": "Hochladen",
-        "upload_what": "Aufzeichnungen Ihres Fahrzeugs, und was daraus wird.",
-        "record": "Aufzeichnen",
-        "record_what": "Zum Ausprobieren mit dem Browser eines Telefons, ohne App.",
-        "drives": "Fahrten",
-        "drives_what": "Jede Aufzeichnung mit Strecke und Profil.",
-        "admin": "Betrieb",
-        "admin_what": "Was jemanden braucht, was wartet, was gemessen ist.",
-        "docs": "Dokumentation",
-        "docs_what": "Anleitungen, und alles, was Programme fragen können (englisch).",
-        "what": "Steigungen von Straßen, gemessen von Fahrzeugen.",
-        "pages": "Seiten",
-        "language": "Sprache",
-        "theme": "Farben",
-        "light": "Hell",
-        "dark": "Dunkel",
-        "programs": "Für Programme (englisch)",
-    },
-}
 
 
 class Seen:
@@ -87,7 +43,10 @@ class Seen:
     ) -> None:
         """``asked``: the language that the address names, None: the browser's."""
         self.form, self.language, self.theme, self._asked = form, language, theme, asked
-        self.texts = _TEXTS[language]
+
+    def word(self, name: str) -> str:
+        """A word or a sentence of the page."""
+        return text_in(self.language, say(f"home.{name}"))
 
     def here(self, **other: str) -> str:
         """This page with another language or other colours."""
@@ -188,7 +147,7 @@ def landing(request: Request, base: BaseUrl, seen: SeenDep) -> Response:
     }
     if not form.html:
         return pages.answered(request, dumps(document), form.media_type, links=links)
-    values = {"seen": seen, "texts": seen.texts, "languages": LANGUAGES, "shown_pages": PAGES, "cards": CARDS}
+    values = {"seen": seen, "languages": LANGUAGES, "shown_pages": PAGES, "cards": CARDS}
     text = pages.page("landing.html", title="Versant", crumbs=(), links=links, document=document, **values)
     headers = {**pages.page_headers(), "Vary": "Accept, Accept-Language", "Content-Language": seen.language}
     return pages.answered(request, text, pages.HTML, links=links, headers=headers)
