@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from app.cli.console import Console, write_json
+from app.cli.database import sessions
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
 from app.core.messages import say
 
@@ -52,7 +53,6 @@ def create(
 ) -> None:
     """Make a key and print its secret, this once: the service keeps a hash of it alone."""
     from app.access import store
-    from app.cli.database import sessions
     from app.cli.keys.finding import note, the_owner, usable_name
 
     console: Console = ctx.obj
@@ -76,7 +76,6 @@ def list_keys(
     """List keys by owner, with the day on which each was last used, those that are void as well."""
     from app.access import store
     from app.access.documents import Key as KeyDocument
-    from app.cli.database import sessions
     from app.cli.keys.finding import the_owner
 
     console: Console = ctx.obj
@@ -92,7 +91,6 @@ def list_keys(
 def revoke(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None = DATA_DIR) -> None:
     """Let nobody in by a key any more, at once; it stays in the list."""
     from app.access import store
-    from app.cli.database import sessions
     from app.cli.keys.finding import note, the_key
 
     console: Console = ctx.obj
@@ -108,7 +106,6 @@ def rotate(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None
     """Give a key another secret and print that, this once; the one before is void, and so are its sessions."""
     from app.access import store
     from app.access.folder import renew_key
-    from app.cli.database import sessions
     from app.cli.keys.finding import key_of_folder, note, usable_key
 
     console: Console = ctx.obj
@@ -138,7 +135,6 @@ def link(
 ) -> None:
     """Print an address that logs one browser in, once, within an hour; it may then do what the key may."""
     from app.access.store import create_link
-    from app.cli.database import sessions
     from app.cli.keys.finding import key_to_log_in
 
     console: Console = ctx.obj
