@@ -39,7 +39,7 @@ MAX_ID = 2**63 - 1
 OwnerId = Annotated[int, Path(ge=1, le=MAX_ID, description="The owner's number.", examples=[2])]
 
 
-@router.get("/keys", summary="The keys", response_model=Keys, responses=problems(401, 403, 404))
+@router.get("/keys", summary="The keys", responses=problems(401, 403, 404))
 def list_keys(
     service: ServiceDep,
     owner: Annotated[str | None, Query(description="Only those of the owner of that name.")] = None,
@@ -54,7 +54,6 @@ def list_keys(
     "/keys",
     status_code=201,
     summary="Make a key",
-    response_model=MadeKey,
     responses={**UNREADABLE_BODY, **problems(401, 403, 404, 409, 422)},
 )
 def make_key(request: NewKey, response: Response, service: ServiceDep, origin: Origin) -> MadeKey:
@@ -90,7 +89,6 @@ def revoke_key(key_id: uuid.UUID, request: Request, service: ServiceDep, origin:
 @router.post(
     "/keys/{key_id}/rotate",
     summary="Give a key another secret",
-    response_model=MadeKey,
     responses=problems(401, 403, 404),
 )
 def rotate_key(
@@ -109,12 +107,12 @@ def rotate_key(
 
 def _own_key(session: Session, key_id: uuid.UUID) -> None:
     """Raise unless the caller may change that key: one of its owner's that may do no more than itself."""
-    key: store.Key = existing(store.get_key(session, key_id), "key", key_id)
+    key = existing(store.get_key(session, key_id), "key", key_id)
     if not present_caller().may(key.scope):
         raise ForbiddenError(say("access.that_may_more"))
 
 
-@router.get("/owners", summary="The owners", response_model=Owners, responses=problems(401, 403))
+@router.get("/owners", summary="The owners", responses=problems(401, 403))
 def list_owners(service: ServiceDep) -> Owners:
     """Every owner with the number of its keys and drives."""
     with service.reading() as session:
@@ -125,7 +123,6 @@ def list_owners(service: ServiceDep) -> Owners:
     "/owners",
     status_code=201,
     summary="Make an owner",
-    response_model=Owner,
     responses={**UNREADABLE_BODY, **problems(401, 403, 409, 422)},
 )
 def make_owner(request: NewOwner, service: ServiceDep, origin: Origin) -> Owner:
@@ -136,7 +133,7 @@ def make_owner(request: NewOwner, service: ServiceDep, origin: Origin) -> Owner:
     return Owner.of(owner)
 
 
-@router.get("/owner", summary="The caller's owner", response_model=OwnerFigures, responses=problems(401, 403))
+@router.get("/owner", summary="The caller's owner", responses=problems(401, 403))
 def own_figures(service: ServiceDep) -> OwnerFigures:
     """What the caller's owner has, what it uploaded today, and what it may."""
     with service.reading() as session:
@@ -146,7 +143,6 @@ def own_figures(service: ServiceDep) -> OwnerFigures:
 @router.patch(
     "/owner",
     summary="Change for how long one's logs are kept",
-    response_model=OwnerFigures,
     responses={**UNREADABLE_BODY, **problems(401, 403, 422)},
 )
 def change_own(
@@ -159,7 +155,6 @@ def change_own(
 @router.get(
     "/owners/{owner_id}",
     summary="One owner",
-    response_model=OwnerFigures,
     responses=problems(401, 403, 404),
 )
 def get_owner(owner_id: OwnerId, service: ServiceDep) -> OwnerFigures:
@@ -171,7 +166,6 @@ def get_owner(owner_id: OwnerId, service: ServiceDep) -> OwnerFigures:
 @router.patch(
     "/owners/{owner_id}",
     summary="Change an owner's quotas, and for how long its logs are kept",
-    response_model=OwnerFigures,
     responses={**UNREADABLE_BODY, **problems(401, 403, 404, 422)},
 )
 def change_owner(
@@ -201,6 +195,6 @@ def _change(service: Service, origin: str, owner_id: int, change: KeepingChange)
 
 
 def _figures(session: Session, service: Service, owner_id: int) -> OwnerFigures:
-    owner: store.Owner = existing(store.get_owner(session, owner_id), "owner", owner_id)
+    owner = existing(store.get_owner(session, owner_id), "owner", owner_id)
     now = standing(session, service.settings, owner_id, utc_now())
     return OwnerFigures.standing(owner, now, service.settings.keep_logs_days)

@@ -70,19 +70,14 @@ def _logins(request: Request) -> Logins:
     return logins
 
 
-@router.get("", summary="Who the caller is", response_model=SessionDocument)
+@router.get("", summary="Who the caller is")
 def session(request: Request, response: Response, service: ServiceDep) -> SessionDocument:
     """The caller's owner, scope and key, and what is to be had without a key."""
     response.headers["Cache-Control"] = "no-store"
     return _document(service, request.scope.get(KNOWN))
 
 
-@router.post(
-    "",
-    summary="Log a browser in",
-    response_model=SessionDocument,
-    responses={**UNREADABLE_BODY, **problems(401, 403, 422, 429)},
-)
+@router.post("", summary="Log a browser in", responses={**UNREADABLE_BODY, **problems(401, 403, 422, 429)})
 async def log_in(
     request: Request, response: Response, service: ServiceDep, login: Login, origin: Origin
 ) -> SessionDocument:

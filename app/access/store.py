@@ -10,6 +10,7 @@ import hashlib
 import re
 import secrets
 import uuid
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
@@ -137,7 +138,7 @@ def hashed(secret: str) -> bytes:
 
 def owners(session: Session) -> list[Owner]:
     """All of them, by name."""
-    return [Owner(*row) for row in session.execute(text(_OWNERS + " ORDER BY o.name"))]
+    return list(_owners(session, " ORDER BY o.name"))
 
 
 def ensure_owner(session: Session, name: str) -> Owner:
@@ -150,14 +151,12 @@ def ensure_owner(session: Session, name: str) -> Owner:
 
 def owner_named(session: Session, name: str) -> Owner | None:
     """The owner of that name, or None."""
-    row = session.execute(text(_OWNERS + " WHERE o.name = :name"), {"name": name}).first()
-    return None if row is None else Owner(*row)
+    return next(_owners(session, " WHERE o.name = :of", of=name), None)
 
 
 def get_owner(session: Session, owner_id: int) -> Owner | None:
     """The owner, or None."""
-    row = session.execute(text(_OWNERS + " WHERE o.id = :id"), {"id": owner_id}).first()
-    return None if row is None else Owner(*row)
+    return next(_owners(session, " WHERE o.id = :of", of=owner_id), None)
 
 
 def create_owner(session: Session, name: str) -> Owner:
@@ -293,6 +292,10 @@ def by_proxy(session: Session, named: str) -> Known | None:
 def new_key() -> str:
     """The secret of a new key."""
     return KEY_PREFIX + secrets.token_urlsafe(SECRET_BYTES)
+
+
+def _owners(session: Session, which: str, **values: Any) -> Iterator[Owner]:
+    return (Owner(*row) for row in session.execute(text(_OWNERS + which), values))
 
 
 def _known(session: Session, row: Row[Any] | None) -> Known | None:

@@ -91,13 +91,7 @@ class GeoJsonAnswer(JSONResponse):
     media_type = GEO_JSON
 
 
-@router.get(
-    "/zones",
-    summary="The owner's zones",
-    response_class=GeoJsonAnswer,
-    response_model=Zones,
-    responses=problems(401, 403),
-)
+@router.get("/zones", summary="The owner's zones", response_class=GeoJsonAnswer, responses=problems(401, 403))
 def get_zones(service: ServiceDep) -> Zones:
     """Places of which no edition of the public map tells anything that the owner drove. Nobody else sees them."""
     with service.reading() as session:

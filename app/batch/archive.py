@@ -11,8 +11,7 @@ from typing import Any, NamedTuple, Self
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from app.batch.errors import BatchError
-from app.batch.folder import LAYOUT, BatchFolder, write_table
+from app.batch.folder import LAYOUT, BatchError, BatchFolder, write_table
 from app.batch.kept import KeptDrive, read_kept
 from app.batch.listing import Log
 from app.batch.locating import Located

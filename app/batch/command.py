@@ -11,6 +11,7 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Console, spoken, tell, write_json
+from app.cli.database import sessions
 from app.cli.uploads.choice import asked_sports
 from app.core.messages import say
 from fusion.registry import DEFAULT_METHOD, DEFAULT_POSITIONING
@@ -174,7 +175,6 @@ def import_batch(
     from app.batch.archive import Archive
     from app.batch.bringing import Asked, bring, take_back
     from app.batch.folder import BatchFolder
-    from app.cli.database import sessions
     from app.cli.keys.finding import the_owner
     from app.drives.batches.importing import on_behalf_of
     from app.jobs.context import JobContext
@@ -242,7 +242,6 @@ def export_logs(
     meanwhile. Exit status 1 if a log is missing or damaged.
     """
     from app.batch import logs_out
-    from app.cli.database import sessions
     from app.cli.keys.finding import the_owner
     from app.core.blobs import BlobStore
 

@@ -14,9 +14,16 @@ from uuid import uuid4
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from app.batch.errors import BatchError
 from app.core.messages import say
 from app.core.text import dumps
+from fusion.errors import FusionError
+
+
+class BatchError(FusionError):
+    """The batch cannot go on."""
+
+    kind = "batch"
+
 
 COMPRESSION = "zstd"
 LAYOUT = 2

@@ -14,8 +14,7 @@ import numpy as np
 
 from app.batch.folder import LAYOUT, BatchFolder, is_settled, key_of, written
 from app.batch.kept import Origin, kept_row, write_kept
-from app.batch.listing import Log
-from app.batch.opened import DIED, Reason, opened, reason_of
+from app.batch.listing import DIED, Log, Reason, opened, reason_of
 from app.batch.roads import PlacedRoads
 from app.batch.stored import PassRows, drive_row, write_drives, write_passes
 from app.core.text import dumps

@@ -14,7 +14,7 @@ from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
 from typing import Any, Protocol
 
-from app.batch.errors import BatchError
+from app.batch.folder import BatchError
 from app.core.messages import say
 
 DEATHS = 3

@@ -1,4 +1,4 @@
-"""Which logs there are: in folders, in zips, behind addresses of object storage.
+"""Which logs there are, and their bytes: in folders, in zips, behind addresses of object storage.
 
 A folder is walked through, a zip that is named is opened as one; each file in them is a log, a zip among them an upload
 bundle: the files of one drive. The order is that of names, whatever order storage lists them in.
@@ -6,14 +6,19 @@ bundle: the files of one drive. The order is that of names, whatever order stora
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import PurePosixPath
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
-from app.batch.errors import BatchError
+from app.batch.folder import BatchError
 from app.core.filesystems import file_system, is_folder
 from app.core.messages import say
+from fusion.errors import FusionError, LogError
+from fusion.formats import MAX_BYTES
 
 _ADDED = frozenset({"Thumbs.db", "desktop.ini"})
 """What systems put beside files."""
@@ -43,8 +48,8 @@ class Log(NamedTuple):
         return PurePosixPath(self.member or self.address).name
 
 
-def list_logs(named: Sequence[str], progress: Callable[[int], None] = lambda more: None) -> list[Log]:
-    """Every log under these names, by name, each once. ``progress`` takes how many more were found.
+def list_logs(named: Sequence[str]) -> list[Log]:
+    """Every log under these names, by name, each once.
 
     Raises ``BatchError`` for a name under which there is no log, ``OSError`` and what drivers of storage raise.
     """
@@ -53,7 +58,6 @@ def list_logs(named: Sequence[str], progress: Callable[[int], None] = lambda mor
         none = True
         for log in _under(name):
             found[log.address, log.member], none = log, False
-            progress(1)
         if none:
             raise BatchError(say("batch.no_log", name=name))
     return [found[key] for key in sorted(found)]
@@ -97,6 +101,46 @@ def _stamp(info: dict[str, Any]) -> str:
     return "" if known is None else f"{known} {info[known]}"
 
 
-def is_here(address: str) -> bool:
-    """Whether it is a file of this machine, or of a share that is mounted."""
-    return is_folder(file_system(address)[0])
+_AT_ONCE = 1 << 20
+
+
+@contextmanager
+def opened(log: Log) -> Iterator[Path]:
+    """Where the log can be read while the block runs; raises ``LogError`` or ``OSError``."""
+    if log.size > MAX_BYTES:
+        raise LogError(say("batch.large", n=log.size, most=MAX_BYTES))
+    fs, path = file_system(log.address)
+    if is_folder(fs) and not log.member:
+        yield Path(path)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / (log.file_name or "log")
+        with fs.open(path, "rb") as file, place.open("wb") as out:
+            if not log.member:
+                shutil.copyfileobj(file, out, _AT_ONCE)
+            else:
+                with zipfile.ZipFile(file) as archive, archive.open(log.member) as member:
+                    shutil.copyfileobj(member, out, _AT_ONCE)
+        yield place
+
+
+class Reason(NamedTuple):
+    """Why a log is not used, for a person; ``again``: it may be another time, as when storage did not answer."""
+
+    text: str
+    again: bool
+
+
+def reason_of(error: Exception) -> Reason:
+    """What an error says of a log."""
+    if isinstance(error, FusionError):
+        return Reason(" ".join(str(error).split()), False)
+    if isinstance(error, OSError) and error.strerror:
+        return Reason(say("batch.unreadable", error=error.strerror), True)
+    return Reason(" ".join(say("batch.unusable", kind=type(error).__name__, error=error).split()), True)
+
+
+DIED = Reason(
+    say("batch.died"),
+    True,
+)

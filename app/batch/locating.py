@@ -12,9 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from app.batch.folder import BatchFolder, is_settled, key_of, write_table
-from app.batch.listing import Log
-from app.batch.opened import DIED, digest, opened, reason_of
+from app.batch.listing import DIED, Log, opened, reason_of
 from app.batch.places import cells, place_of_cell
+from app.core.mirror import sha256_of
 from fusion.formats import read_log
 from fusion.formats.archives.look import Kind, Looker
 from fusion.types import DriveLog
@@ -126,7 +126,7 @@ def _looked_at(
 ) -> tuple[str, int, int, str, bool]:
     try:
         with opened(log) as path:
-            sha256 = digest(path)
+            sha256 = sha256_of(path)
             if sports is not None and (other := _other_sport(path, sports)):
                 return sha256, NOWHERE, 0, other, False
             try:

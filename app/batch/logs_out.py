@@ -16,8 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from app.batch.errors import BatchError
-from app.batch.folder import written
+from app.batch.folder import BatchError, written
 from app.batch.run import Shown
 from app.core.blobs import BlobStore
 from app.core.db import Sessions

@@ -13,8 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from app.batch.folder import write_table, written
-from app.batch.opened import digest
 from app.batch.places import place_name, places_met
+from app.core.mirror import sha256_of
 from fusion.roads.osm import read_roads
 from fusion.roads.table import DTYPE_OF, RoadTable
 from fusion.types import Floats, Ints, Progress, no_progress
@@ -66,7 +66,7 @@ class PlacedRoads:
 
 def key_of_roads(file: Path) -> str:
     """What roads of these bytes are kept under."""
-    return digest(file)[:32]
+    return sha256_of(file)[:32]
 
 
 def table_boxes(table: RoadTable) -> tuple[Floats, Floats, Floats, Floats]:

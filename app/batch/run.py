@@ -4,31 +4,32 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+import pyarrow as pa
 
 from app.batch.archive import write_inputs
-from app.batch.folder import BatchFolder, key_of, remove_but, written
+from app.batch.folder import BatchFolder, key_of, remove_but, write_table, written
 from app.batch.fusing import Choices, Group
 from app.batch.hands import Hands, Job
 from app.batch.listing import Log, list_logs
 from app.batch.locating import Located, chunks, groups
-from app.batch.opened import digest
-from app.batch.outputs import remove_outputs, write_outputs
-from app.batch.reporting import Outcome, outcomes_of, write_report
+from app.batch.outputs import SolvedSource, remove_outputs, write_outputs
 from app.batch.roads import PlacedRoads, key_of_roads
 from app.batch.solving import StoredDrive, StoredEvidence
-from app.batch.source import SolvedSource
 from app.batch.stored import alone_of, facts_of, read_drives
+from app.core.messages import say
+from app.core.mirror import sha256_of
 from app.core.version import code_version
 from app.map.segment import attribution
 from fusion.methods.base import OF_TERRAIN
 from fusion.network.control import read_control
+from fusion.report import with_agreement
 from fusion.results import Solution, solution_of
 from fusion.roads.table import RoadTable
 from fusion.together import network_datum, solve_evidence
@@ -220,7 +221,7 @@ def _write_manifest(
         "choices": choices.document(),
         "logs": len(logs),
         "logs_sha256": key_of(logs),
-        "control_sha256": None if request.control is None else digest(request.control),
+        "control_sha256": None if request.control is None else sha256_of(request.control),
         "gaps": request.gaps,
         "formats": list(request.formats),
         "segments": len(solution),
@@ -237,3 +238,68 @@ def _tidy(folder: BatchFolder, keys: set[str], choices: Choices) -> None:
         remove_but(below, {path for path in below.rglob("*.parquet") if path.stem in keys})
     roads = choices.roads.folder
     remove_but(roads.parent, {path for path in roads.iterdir() if not path.name.startswith(".")})
+
+
+class Outcome(NamedTuple):
+    """Of one log. ``status``: done, repeated or failed, and why not done. ``report``: JSON, as ``versant fuse`` has it.
+
+    ``segments`` are those with a slope of its own; on ``rejected_segments`` it contradicts the others.
+    """
+
+    log: str
+    status: str
+    reason: str | None
+    segments: int
+    rejected_segments: int
+    duplicate_of: str | None
+    warnings: list[str]
+    report: str | None
+
+
+SCHEMA = pa.schema(
+    {
+        "log": pa.string(),
+        "status": pa.string(),
+        "reason": pa.string(),
+        "segments": pa.int64(),
+        "rejected_segments": pa.int64(),
+        "duplicate_of": pa.string(),
+        "warnings": pa.list_(pa.string()),
+        "report": pa.string(),
+    }
+)
+
+
+def outcomes_of(
+    located: Sequence[Located],
+    repeated: Mapping[Log, str],
+    drives: Sequence[Mapping[str, Any]],
+    failed: Mapping[str, str],
+    solution: Solution | None,
+) -> list[Outcome]:
+    """Of every log; ``drives`` are those of the solution (None: none), ``failed`` others."""
+    number = {row["log"]: k for k, row in enumerate(drives)}
+    out = []
+    for one in located:
+        name = one.log.name
+        if one.log in repeated:
+            out.append(_not_done(name, "repeated", say("fuse.same", earlier=repeated[one.log])))
+        elif solution is not None and (k := number.get(name)) is not None:
+            original = solution.duplicates.get(k)
+            same = None if original is None else drives[original]["log"]
+            text, rejected = drives[k]["report"], solution.rejected[k]
+            warnings = with_agreement(json.loads(text), rejected, same)
+            out.append(Outcome(name, "done", None, drives[k]["segments"], rejected, same, warnings, text))
+        else:
+            out.append(_not_done(name, "failed", failed.get(name, one.reason)))
+    return out
+
+
+def write_report(folder: BatchFolder, outcomes: Sequence[Outcome]) -> None:
+    """A row a log."""
+    columns = {name: [getattr(one, name) for one in outcomes] for name in SCHEMA.names}
+    write_table(folder.report, pa.table(columns, schema=SCHEMA))
+
+
+def _not_done(name: str, status: str, reason: str) -> Outcome:
+    return Outcome(name, status, reason, 0, 0, None, [], None)

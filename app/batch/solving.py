@@ -13,12 +13,10 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow.parquet as pq
 
-from app.batch.errors import BatchError
-from app.batch.folder import BatchFolder, written
+from app.batch.folder import BatchError, BatchFolder, written
 from app.batch.fusing import Choices, Group, Late, late_passes
 from app.batch.hands import DEAD, Counted, Hands
-from app.batch.listing import Log
-from app.batch.opened import DIED
+from app.batch.listing import DIED, Log
 from app.batch.places import place_of_cell
 from app.batch.stored import cells_of, factors_of, passes_file, passes_in
 from fusion.lags import next_lag

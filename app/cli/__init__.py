@@ -59,7 +59,7 @@ COMMANDS = {
         "app.cli.remote", "Upload drive logs to a service; exit status 1 if any of them failed."
     ),
     "drives": Command(
-        "app.cli.drives",
+        "app.cli.drives.again",
         "List, show, delete or process again the drives of a service.",
     ),
     "settle": Command(
@@ -74,7 +74,7 @@ COMMANDS = {
     ),
     "elevation": Command("app.cli.elevation", "List, rank or remove the elevation rasters that are in use."),
     "keys": Command(
-        "app.cli.keys", "Make, list, revoke or renew the keys of a service, or log a browser in."
+        "app.cli.keys.commands", "Make, list, revoke or renew the keys of a service, or log a browser in."
     ),
     "backup": Command(
         "app.cli.upkeep", "Copy the database, the logs and the elevation rasters of a running service."

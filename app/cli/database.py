@@ -1,25 +1,23 @@
-"""The database of a command: a server that is named, or the embedded cluster, which is migrated when it is opened."""
+"""The database of a command: a server that is named, or the embedded cluster, which is migrated when it is opened.
+
+What opens it is loaded then: commands import this file at their head.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from app.cli.console import Console
-from app.core import migrate
 from app.core.background import lower_priority
-from app.core.databases import require_reachable
-from app.core.db import Sessions, make_engine, session_factory
 from app.core.messages import say
-from app.core.settings import Settings, load_settings
-from app.core.telemetry.ledger import counting
-from app.core.telemetry.logs import begin_logging
-from app.core.telemetry.tracing import begin_tracing, end_tracing
-from app.embedded.cluster import EmbeddedPostgres
-from app.embedded.data_folder import has_cluster
-from app.embedded.errors import NothingHereError
+
+if TYPE_CHECKING:
+    from app.core.db import Sessions
+    from app.core.settings import Settings
+    from app.embedded.cluster import EmbeddedPostgres
 
 
 def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
@@ -27,6 +25,8 @@ def settings_for(data_dir: Path | None, **changes: Any) -> Settings:
 
     A folder that is given names its embedded database, whatever ``VERSANT_DATABASE_URL`` says.
     """
+    from app.core.settings import Settings, load_settings
+
     changed = {name: value for name, value in {"data_dir": data_dir, **changes}.items() if value is not None}
     settings = load_settings(lambda: Settings(**changed))
     return settings if data_dir is None else settings.model_copy(update={"database_url": None})
@@ -40,6 +40,10 @@ def sessions(data_dir: Path | None, *, make: Console | None = None) -> Iterator[
     so; else ``NothingHereError``. What the command counts is added to the service's figures. It logs if the environment
     says how.
     """
+    from app.core.telemetry.ledger import counting
+    from app.core.telemetry.logs import begin_logging
+    from app.core.telemetry.tracing import begin_tracing, end_tracing
+
     named = settings_for(data_dir)
     see_to_cluster(named, make)
     with database(named) as settings:
@@ -60,6 +64,8 @@ def as_it_is(named: Settings, *, make: bool = False) -> Iterator[tuple[Settings,
 
     ``make``: where there is no embedded database, an empty one is made.
     """
+    from app.core.databases import require_reachable
+
     if not make:
         see_to_cluster(named)
     with database(named, migrated=False) as settings:
@@ -73,6 +79,8 @@ def as_it_is(named: Settings, *, make: bool = False) -> Iterator[tuple[Settings,
 @contextmanager
 def sessions_of(settings: Settings) -> Iterator[Sessions]:
     """Sessions of a database that is named, one at a time, of background priority there."""
+    from app.core.db import make_engine, session_factory
+
     assert settings.database_url is not None  # noqa: S101 - the callers see to it
     engine = make_engine(settings.database_url, pool_size=1, background=True, pooled=settings.database_pooled)
     try:
@@ -86,6 +94,9 @@ def see_to_cluster(settings: Settings, make: Console | None = None) -> None:
 
     So no mistyped folder becomes an empty database.
     """
+    from app.embedded.data_folder import has_cluster
+    from app.embedded.errors import NothingHereError
+
     if settings.database_url is not None or has_cluster(settings.data_dir):
         return
     if make is None:
@@ -110,6 +121,9 @@ def database(settings: Settings, *, migrated: bool = True) -> Iterator[Settings]
 @contextmanager
 def open_cluster(settings: Settings, *, migrated: bool = True) -> Iterator[EmbeddedPostgres]:
     """Yield the cluster in ``settings.data_dir``, started and ``migrated``, for as long as the block lasts."""
+    from app.core import migrate
+    from app.embedded.cluster import EmbeddedPostgres
+
     close_files(settings)
     with EmbeddedPostgres(settings.data_dir) as cluster:
         if migrated:

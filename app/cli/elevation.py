@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from app.cli.console import Console, spoken, tell, write_json
+from app.cli.database import sessions
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag
 from app.core.messages import say
 from fusion.errors import TerrainError
@@ -38,7 +39,6 @@ def list_rasters(
 
     Where several lie over each other the one of the highest priority counts, of one priority the finest.
     """
-    from app.cli.database import sessions
     from app.terrain.coverage import segments_under
     from app.terrain.files import add_bounds
     from app.terrain.store import current_dem
@@ -73,7 +73,6 @@ def priority(
     json_file: Path | None = JSON_FILE,
 ) -> None:
     """Say how early a raster counts where others lie over it, and renew the heights of the segments under it."""
-    from app.cli.database import sessions
     from app.terrain.imports import rank_dem
 
     console: Console = ctx.obj
@@ -99,7 +98,6 @@ def remove(
     drives that run and backups that may be restored; then a worker or `versant sweep` removes them, unless another
     database may use them (`versant sweep --only-database`). To undo it, import the file again.
     """
-    from app.cli.database import sessions
     from app.terrain.coverage import effect_of_removal
     from app.terrain.files import add_bounds
     from app.terrain.imports import remove_dem

@@ -9,6 +9,7 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Console, spoken, write_json
+from app.cli.database import sessions
 from app.core.messages import say
 
 if TYPE_CHECKING:
@@ -47,7 +48,6 @@ def export(
     Other formats hold whole ways, vector tiles, or what a routing program reads; each says where its data come from. A
     map shows the box, or all that was driven; beyond 50,000 segments it leaves undriven roads out.
     """
-    from app.cli.database import sessions
     from app.core.db import snapshot
     from app.core.text import whole_file
     from app.exports.formats import write_companions

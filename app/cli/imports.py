@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from app.cli.console import Console, spoken, tell, write_json
+from app.cli.database import sessions
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
 
 if TYPE_CHECKING:
@@ -68,7 +69,6 @@ def import_roads(
 @regions_app.command("list")
 def list_regions(data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE) -> None:
     """Name each region, the file that it came from, and how many of its segments anything was measured on."""
-    from app.cli.database import sessions
     from app.roads.store import region_figures
 
     with sessions(data_dir) as (_, factory), factory() as session:
@@ -106,7 +106,6 @@ def _change_roads(
     json_file: Path | None,
 ) -> None:
     """Do it, queue the drives that lost something, and say what was done."""
-    from app.cli.database import sessions
     from app.drives.batches.touched import queue_touched
     from app.roads.documents import Wishes, remarks, summary
 
@@ -151,7 +150,6 @@ def import_dem(
     before keep their estimates until they are processed again; `versant settle` lets the network as a whole take the
     new terrain into account.
     """
-    from app.cli.database import sessions
     from app.terrain import files as dem_files
     from app.terrain import imports as dem_imports
     from app.terrain.coverage import rasters_over
@@ -203,7 +201,6 @@ def import_control(
     A point belongs to the nearest road within 20 m. The roads around points that are new, changed or gone are solved
     again; what lies farther away follows when it is solved next, by `versant settle` at the latest.
     """
-    from app.cli.database import sessions
     from app.network.control_import import import_control as import_points
     from fusion.network.control import read_control
 
@@ -230,7 +227,6 @@ def settle(
     changes how drives are put together. Drives are not processed again, and may come and go meanwhile.
     With --by-workers it ends at once, and workers settle cell by cell whenever no drive waits.
     """
-    from app.cli.database import sessions
     from app.drives.publishing import SETTLE_AFTER_S
     from app.network.settle import leave_to_workers, settle_network
 
@@ -252,7 +248,6 @@ def settle(
 @repeats_app.command("show")
 def show(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path | None = JSON_FILE) -> None:
     """Show how far drives over one segment are apart, in their own sigmas, and the widenings that are applied."""
-    from app.cli.database import sessions
     from app.network.widenings import device_classes, repeat_rows
 
     with sessions(data_dir) as (_, factory), factory() as session:
@@ -291,8 +286,6 @@ def _change(
     data_dir: Path | None,
     json_file: Path | None,
 ) -> None:
-    from app.cli.database import sessions
-
     with sessions(data_dir) as (_, factory), console.progress() as bars:
         classes = change(factory, bars.work("repeats"))
     _tell(classes)

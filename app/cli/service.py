@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from app.cli.console import Console, LogConsole, spoken
+from app.cli.database import database, open_cluster, settings_for
 from app.cli.options import DATA_DIR, flag, opt
 from app.core.messages import say
 
@@ -42,7 +43,6 @@ def up(
     beside it.
     """
     from app.cli.children import stop_signals
-    from app.cli.database import open_cluster, settings_for
     from app.cli.keys.starting import first_link
     from app.cli.supervisor import Service
 
@@ -71,7 +71,6 @@ def api(
     import uvicorn
 
     from app.cli.children import stop_with_parent
-    from app.cli.database import database, settings_for
     from app.cli.keys.starting import see_to_key
     from app.cli.supervisor import free_port, reach
     from app.core.middleware import stay_loaded
@@ -117,7 +116,6 @@ def worker(
 ) -> None:
     """Process uploaded drives. Any number of workers may share one database."""
     from app.cli.children import Children, stop_signals, workers
-    from app.cli.database import database, settings_for
 
     settings = settings_for(data_dir, worker_concurrency=concurrency)
     console = _voice(ctx, settings, "workers")
@@ -142,7 +140,6 @@ def migrate(
     ),
 ) -> None:
     """Bring the database to the schema of this version. Programs before it run on where the changelog says so."""
-    from app.cli.database import database, settings_for
     from app.core import migrate as migrations
 
     console: Console = ctx.obj

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from app.cli.console import Console, spoken, tell, write_json
+from app.cli.database import as_it_is, sessions, settings_for
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
 from app.core.messages import say
 from fusion.messages import message_of
@@ -37,7 +38,6 @@ def backup(
     The database as it is at one moment, and every file that it refers to then. Given the same folder again it copies
     what is new and replaces the rest; broken off, it leaves the backup that was there, and goes on the next time.
     """
-    from app.cli.database import as_it_is, settings_for
     from app.upkeep.backup import back_up
 
     console: Console = ctx.obj
@@ -64,7 +64,6 @@ def restore(
     Every file is checked first. Nothing is overwritten: a data folder with a database, or a database that is not empty,
     is refused. Drives that were waiting or being processed wait again. Broken off, it can be done again.
     """
-    from app.cli.database import as_it_is, settings_for
     from app.core import migrate
     from app.upkeep import restore as bringing_back
 
@@ -131,7 +130,6 @@ def doctor(ctx: typer.Context, data_dir: Path | None = DATA_DIR, json_file: Path
     Versions, room, database and schema, clocks, queue, cells, logs, elevation, and who reaches the API; each finding
     with what to do. Exit status 1 where something fails, 0 with warnings.
     """
-    from app.cli.database import as_it_is, settings_for
     from app.core.databases import UnreachableError
     from app.upkeep.doctor import Patient, examine
 
@@ -168,7 +166,6 @@ def sweep(
     use for so long. Where other databases have used the store as well nothing is removed and the logs are listed,
     unless --only-database is given; so are rasters that are kept elsewhere than logs, for nobody knows who uses them.
     """
-    from app.cli.database import sessions
     from app.core.blobs import BlobStore
     from app.drives.intake import sweep_blobs
     from app.exports.run import EXPORT
@@ -211,7 +208,6 @@ def release(
     It tells a segment once VERSANT_PUBLIC_OWNERS owners, and as many more as may work together, have driven it. Workers
     make one every VERSANT_RELEASE_DAYS days by themselves where VERSANT_PUBLIC_MAP is releases. The service goes on.
     """
-    from app.cli.database import sessions
     from app.releases.keeping import copy_files
     from app.releases.run import in_words
     from app.releases.run import release as make

@@ -60,9 +60,12 @@ class ServiceError(Exception):
     """
 
     answer: ClassVar[tuple[int, str, str]]
-    """HTTP status, the last part of ``type``, and title."""
+    """HTTP status, the last part of ``type``, and title: each class of errors names its own."""
     headers: Mapping[str, str] = MappingProxyType({})
     """Of the answer, beside those of every problem."""
+
+    def __init_subclass__(cls, *, answer: tuple[int, str, str] | None = None) -> None:
+        cls.answer = answer or cls.answer
 
     def __init__(self, message: str, *, field: str | None = None, errors: Sequence[FieldError] = ()) -> None:
         """``field`` names the one thing at fault; ``errors`` lists several."""
@@ -75,94 +78,64 @@ class ServiceError(Exception):
         return cls(say("about", field=field, reason=reason), field=field)
 
 
-class NotFoundError(ServiceError):
+class NotFoundError(ServiceError, answer=(404, "not-found", "Not found")):
     """The address names nothing that exists (any more)."""
 
-    answer = (404, "not-found", "Not found")
 
-
-class GoneError(ServiceError):
+class GoneError(ServiceError, answer=(410, "gone", "Start anew")):
     """Nobody can go on from that version of the map any more."""
 
-    answer = (410, "gone", "Start anew")
 
-
-class LogDeletedError(ServiceError):
+class LogDeletedError(ServiceError, answer=(410, "log-deleted", "The log was deleted")):
     """The owner keeps logs no longer than until they are computed, or for some days. What was computed of it stays."""
 
-    answer = (410, "log-deleted", "The log was deleted")
 
-
-class BadRequestError(ServiceError):
+class BadRequestError(ServiceError, answer=(422, "invalid-request", "Unusable request")):
     """A parameter or the body is unusable."""
 
-    answer = (422, "invalid-request", "Unusable request")
 
-
-class BadQueryError(BadRequestError):
+class BadQueryError(BadRequestError, answer=(400, "bad-query", "Unusable query")):
     """A query parameter is unknown or out of range."""
 
-    answer = (400, "bad-query", "Unusable query")
 
-
-class BodyTooLargeError(ServiceError):
+class BodyTooLargeError(ServiceError, answer=(413, "too-large", "Upload too large")):
     """The upload exceeds the size that this service takes."""
 
-    answer = (413, "too-large", "Upload too large")
 
-
-class HeadTooLargeError(ServiceError):
+class HeadTooLargeError(ServiceError, answer=(431, "head-too-large", "Request Header Fields Too Large")):
     """The address and the headers of a request may have 32 KiB in 200 fields. Send less."""
 
-    answer = (431, "head-too-large", "Request Header Fields Too Large")
 
-
-class SlowClientError(ServiceError):
+class SlowClientError(ServiceError, answer=(408, "slow-client", "Request Timeout")):
     """The request did not arrive in time. Send it again, over a better connection."""
 
-    answer = (408, "slow-client", "Request Timeout")
 
-
-class UnsupportedBodyError(ServiceError):
+class UnsupportedBodyError(ServiceError, answer=(415, "unsupported-body", "Unsupported body")):
     """Send multipart/form-data or the log as it is."""
 
-    answer = (415, "unsupported-body", "Unsupported body")
 
-
-class NotAcceptableError(ServiceError):
+class NotAcceptableError(ServiceError, answer=(406, "not-acceptable", "Not acceptable")):
     """There is no such representation."""
 
-    answer = (406, "not-acceptable", "Not acceptable")
 
-
-class UnauthorizedError(ServiceError):
+class UnauthorizedError(ServiceError, answer=(401, "unauthorized", "A key is needed")):
     """It needs a key: send one as `Authorization: Bearer vsk_...`, or log in at /login."""
 
-    answer = (401, "unauthorized", "A key is needed")
 
-
-class LoginFailedError(UnauthorizedError):
+class LoginFailedError(UnauthorizedError, answer=(401, "login-failed", "Not logged in")):
     """The provider of logins did not say who it is. Try again, or log in by a key."""
 
-    answer = (401, "login-failed", "Not logged in")
 
-
-class ForbiddenError(ServiceError):
+class ForbiddenError(ServiceError, answer=(403, "forbidden", "Not for this key")):
     """The scope of the key is too small for it."""
 
-    answer = (403, "forbidden", "Not for this key")
 
-
-class ConflictError(ServiceError):
+class ConflictError(ServiceError, answer=(409, "conflict", "Already there")):
     """There is one of that name already."""
 
-    answer = (409, "conflict", "Already there")
 
-
-class TooOftenError(ServiceError):
+class TooOftenError(ServiceError, answer=(429, "too-often", "Too often")):
     """It was tried too often; wait as long as Retry-After says."""
-
-    answer = (429, "too-often", "Too often")
 
     def __init__(self, message: str, retry_after_s: int) -> None:
         """``retry_after_s``: by then it may be tried again."""
@@ -170,11 +143,9 @@ class TooOftenError(ServiceError):
         self.headers = {"Retry-After": str(retry_after_s)}
 
 
-class QuotaError(ServiceError):
+class QuotaError(ServiceError, answer=(429, "quota", "Quota used up")):
     """As much was uploaded today as may be in a day, or as much is asked for as may be at once; wait as long as
     Retry-After says, or ask whoever runs the service for more."""
-
-    answer = (429, "quota", "Quota used up")
 
     def __init__(self, message: str, *, quota: str, headers: Mapping[str, str]) -> None:
         """``quota`` is the one that is used up."""
@@ -182,58 +153,40 @@ class QuotaError(ServiceError):
         self.quota, self.headers = quota, headers
 
 
-class CrossOriginWriteError(ServiceError):
+class CrossOriginWriteError(ServiceError, answer=(403, "cross-origin-write", "Change from another site")):
     """Pages of other sites may not change data."""
 
-    answer = (403, "cross-origin-write", "Change from another site")
 
-
-class StorageFullError(ServiceError):
+class StorageFullError(ServiceError, answer=(507, "storage-full", "Storage full")):
     """The service has no room; try again later."""
 
-    answer = (507, "storage-full", "Storage full")
 
-
-class NotReadyError(ServiceError):
+class NotReadyError(ServiceError, answer=(503, "not-ready", "Not ready")):
     """The service waits for what it needs; try again."""
 
-    answer = (503, "not-ready", "Not ready")
 
-
-class UnknownHostError(ServiceError):
+class UnknownHostError(ServiceError, answer=(421, "unknown-host", "Not this service's name")):
     """The Host header names another host; VERSANT_ALLOWED_HOSTS lists further names of the service."""
 
-    answer = (421, "unknown-host", "Not this service's name")
 
-
-class BusyError(ServiceError):
+class BusyError(ServiceError, answer=(503, "busy", "Too busy")):
     """Too many requests of this kind at once; try again in a moment."""
 
-    answer = (503, "busy", "Too busy")
 
-
-class TooManyError(ServiceError):
+class TooManyError(ServiceError, answer=(409, "too-many", "Too many of them")):
     """There are as many as there may be; remove one that is not needed."""
 
-    answer = (409, "too-many", "Too many of them")
 
-
-class NotDoneError(ServiceError):
+class NotDoneError(ServiceError, answer=(409, "not-done", "Not done yet")):
     """What is asked for is being made; ask again after a moment."""
 
-    answer = (409, "not-done", "Not done yet")
 
-
-class ConflictingOffsetError(ServiceError):
+class ConflictingOffsetError(ServiceError, answer=(409, "conflicting-offset", "Another offset")):
     """The upload stands elsewhere; ask where (HEAD) and go on from there."""
 
-    answer = (409, "conflicting-offset", "Another offset")
 
-
-class OtherProtocolError(ServiceError):
+class OtherProtocolError(ServiceError, answer=(412, "other-protocol", "Another protocol")):
     """Resumable uploads speak tus 1.0.0, which the header Tus-Resumable says."""
-
-    answer = (412, "other-protocol", "Another protocol")
 
     def __init__(self, message: str) -> None:
         """With the version that is spoken."""
@@ -241,10 +194,8 @@ class OtherProtocolError(ServiceError):
         self.headers = {"Tus-Version": "1.0.0"}
 
 
-class WrongChecksumError(ServiceError):
+class WrongChecksumError(ServiceError, answer=(460, "wrong-checksum", "Another checksum")):
     """The bytes are not those that were sent; send them again."""
-
-    answer = (460, "wrong-checksum", "Another checksum")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 from urllib.parse import urlencode
 
 from anyio import CapacityLimiter
@@ -29,6 +29,8 @@ from app.core.settings import Settings
 from app.core.standby.use import Standby, from_standby
 from app.core.text import GEO_JSON, geojson_text
 from fusion.errors import BadOptionsError
+
+Found = TypeVar("Found")
 
 JSON = "application/json"
 EXAMPLE_ID = "3f1c9a52-8f0e-4b57-9d0a-5a9f6c1f0f11"
@@ -131,7 +133,7 @@ def geojson_response(document: Mapping[str, Any], headers: dict[str, str] | None
     return Response(geojson_text(document), media_type=GEO_JSON, headers=headers)
 
 
-def existing(row: Any, what: str, key: object) -> Any:
+def existing(row: Found | None, what: str, key: object) -> Found:
     """``row``, or ``NotFoundError`` when it is None."""
     if row is None:
         raise errors.NotFoundError(say("service.not_there", what=what, name=key))
@@ -183,6 +185,17 @@ def text_answer(media_type: str, description: str, example: str) -> dict[str, An
 def json_answer(description: str, example: Any) -> dict[str, Any]:
     """The OpenAPI description of an answer in JSON that no model describes."""
     return _answer(description, JSON, {"type": "object"}, example)
+
+
+def file_answers(example: str) -> dict[int | str, dict[str, Any]]:
+    """The OpenAPI descriptions of a file's answers: all of it, a part of it, and none where the client has it."""
+    binary = {"schema": {"type": "string", "format": "binary"}, "example": example}
+    content = {"content": {"application/octet-stream": binary}}
+    return {
+        200: {"description": "The file.", **content},
+        206: {"description": "The part of it that `Range` asks for.", **content},
+        304: {"description": "Unchanged since the ETag."},
+    }
 
 
 def _answer(description: str, media_type: str, schema: Any, example: Any) -> dict[str, Any]:

@@ -90,10 +90,6 @@ class Feed:
         self._look_at({drive_id})
         return follower
 
-    async def run(self) -> None:
-        """Look until cancelled."""
-        await self._look()
-
     def _look_at(self, drives: Collection[uuid.UUID]) -> None:
         self._due.update(drives)
         self._wake.set()
@@ -120,7 +116,8 @@ class Feed:
         runs = any(news and news.drive and news.drive.status == "running" for news in told)
         return min(UNTOLD_LOOK_S, self._look_every_s) if runs else self._look_every_s
 
-    async def _look(self) -> None:
+    async def run(self) -> None:
+        """Look until cancelled."""
         looked_s = time.monotonic()
         while True:
             with suppress(TimeoutError):

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from app.core.claims import taken
 from app.core.settings import Settings
-from app.jobs.signs import SIGNS, Signs
+from app.jobs.computations import SIGNS, Signs
 from app.jobs.task import QUEUE, Kind, add_job
 
 AHEAD = 10

@@ -101,7 +101,6 @@ class UploadRequest(MethodRequest):
     "",
     status_code=202,
     summary="Upload a log",
-    response_model=UploadAccepted,
     responses={
         200: {
             "model": UploadAccepted,

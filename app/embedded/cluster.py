@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 from urllib.parse import quote
@@ -17,9 +19,67 @@ from app.embedded import data_folder
 from app.embedded.account import Account, account_for, with_access
 from app.embedded.binaries import find_binaries
 from app.embedded.errors import EmbeddedPostgresError
-from app.embedded.locks import FileLock, wait_until
 from app.embedded.postmaster import Postmaster, running_postmaster
 
+
+class FileLock:
+    """A held lock; released by ``release``, at the end of a ``with`` block, or with the process."""
+
+    def __init__(self, path: Path, account: Account) -> None:
+        """Open the lock file, not locked yet."""
+        self._path = path
+        try:
+            self._handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+        except OSError as error:
+            raise EmbeddedPostgresError(say("embedded.lock_file", path=path, error=error.strerror)) from error
+        account.own(self._handle)
+
+    @classmethod
+    def shared(cls, path: Path, account: Account) -> Self:
+        """One of any number of holders."""
+        lock = cls(path, account)
+        fcntl.flock(lock._handle, fcntl.LOCK_SH)
+        return lock
+
+    @classmethod
+    def exclusive(cls, path: Path, account: Account, timeout_s: float) -> Self:
+        """The only holder; waits for the others, at most ``timeout_s``."""
+        lock = cls(path, account)
+        if not wait_until(lock.try_exclusive, timeout_s):
+            lock.release()
+            raise EmbeddedPostgresError(say("embedded.locked", seconds=timeout_s, path=path))
+        return lock
+
+    def try_exclusive(self) -> bool:
+        """Become the only holder if nobody else holds the lock."""
+        try:
+            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+    def release(self) -> None:
+        """Give the lock back."""
+        os.close(self._handle)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+
+def wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:
+    """Ask again and again; whether it held in time."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+DATABASE = "versant"
 START_TIMEOUT_S = 120.0
 """Also how long another program may take that is starting or stopping the same server."""
 STOP_TIMEOUT_S = 60.0
@@ -43,21 +103,20 @@ class EmbeddedPostgres:
     that folder everybody is trusted. ``durable=False`` trades safety in a power cut for speed, for tests.
     """
 
-    def __init__(self, data_dir: Path, *, durable: bool = True, database: str = "versant") -> None:
+    def __init__(self, data_dir: Path, *, durable: bool = True) -> None:
         """Nothing is touched before ``start``."""
         self._cluster = Path(data_dir).expanduser().resolve() / "postgres"
         self._data = self._cluster / "data"
         self.log_path = self._cluster / "postgres.log"
         """The server's log."""
         self._durable = durable
-        self._database = database
         self._usage: FileLock | None = None
         self._socket_dir: Path | None = None
 
     @property
     def url(self) -> str:
         """SQLAlchemy URL of the database, valid while started."""
-        return self.url_of(self._database)
+        return self.url_of(DATABASE)
 
     def url_of(self, database: str) -> str:
         """SQLAlchemy URL of another database of the cluster, valid while started."""
@@ -133,7 +192,7 @@ class EmbeddedPostgres:
         if server is None:
             raise EmbeddedPostgresError(say("embedded.stopped", words=self._last_words()))
         self._socket_dir = server.socket_dir
-        databases.ensure_database(self.url_of("postgres"), self._database)
+        databases.ensure_database(self.url_of("postgres"), DATABASE)
         databases.ensure_postgis(self.url)
 
     def _await_server(self) -> Postmaster | None:

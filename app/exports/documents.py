@@ -10,9 +10,9 @@ from pydantic import BaseModel, BeforeValidator, Field, WithJsonSchema
 from pydantic.config import JsonDict
 
 from app.core.http import EXAMPLE_ID, Link, link
-from app.core.messages import SAID, Said, said_in
+from app.core.messages import Said
 from app.core.text import Moment
-from app.jobs.requests.store import Request
+from app.jobs.requests.store import Request, RequestFailure
 
 EXAMPLE_EXPORT = f"http://127.0.0.1:8000/v1/exports/{EXAMPLE_ID}"
 EXAMPLE_REQUEST: dict[str, Any] = {"format": "flatgeobuf", "bbox": [8.46, 48.95, 8.5, 48.99], "driven": True}
@@ -66,12 +66,8 @@ class ExportRequest(BaseModel, extra="forbid", json_schema_extra={"examples": [E
     )
 
 
-class ExportFailure(BaseModel):
+class ExportFailure(RequestFailure):
     """Why an export failed."""
-
-    kind: str = Field(description="Stable identifier of the reason.")
-    reason: str = Field(description="What is wrong and what to do about it.")
-    said: Said | None = Field(None, description=f"The same by its key; {SAID}")
 
 
 EXAMPLE: dict[str, Any] = {
@@ -142,12 +138,7 @@ class Export(Request, json_schema_extra={"examples": [EXAMPLE]}):
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Export:
         """The record of a row of the store."""
-        failure = None
-        if columns["status"] == ExportStatus.FAILED:
-            failure = ExportFailure(
-                kind=columns["failure_kind"], reason=columns["failure_reason"], said=said_in(columns)["said"]
-            )
-        told = columns["notes"]
+        failure, told = ExportFailure.of(columns), columns["notes"]
         notes, keys = told.get("notes", []), told.get("said", [])
         return cls.model_validate({**columns, "failure": failure, "notes": notes, "notes_said": keys})
 

@@ -56,6 +56,11 @@ class NoOptions(BaseModel, extra="forbid", frozen=True):
     """Options that name files on this machine: for who works on it, never for requests from elsewhere."""
 
 
+def nothing_beside(self: Format, path: Path, stated: Stated) -> Mapping[Path, str]:
+    """The ``companions`` of a format whose file holds everything."""
+    return {}
+
+
 class Format(ABC):
     """A kind of file. A new one is one file with a subclass and one line in ``app.exports.formats``."""
 

@@ -12,7 +12,16 @@ from fastapi import APIRouter, Query, Request, Response
 
 from app.core.blobs import EXPORTS, BlobStore
 from app.core.errors import BadQueryError, BadRequestError, NotDoneError, NotFoundError
-from app.core.http import UNREADABLE_BODY, BaseUrl, Service, ServiceDep, existing, problems, quota_used_up
+from app.core.http import (
+    UNREADABLE_BODY,
+    BaseUrl,
+    Service,
+    ServiceDep,
+    existing,
+    file_answers,
+    problems,
+    quota_used_up,
+)
 from app.core.messages import say
 from app.core.query import parse_bbox, refuse_unknown
 from app.core.telemetry import audit
@@ -37,21 +46,12 @@ BLOCK_BYTES = 4 * 2**20
 router = APIRouter(prefix="/v1/exports", tags=["exports"])
 
 _LOCATION = {"Location": {"description": "The export.", "schema": {"type": "string", "format": "uri"}}}
-_BYTES: dict[str, Any] = {
-    "content": {
-        "application/octet-stream": {
-            "schema": {"type": "string", "format": "binary"},
-            "example": "(the bytes of versant-gpkg.gpkg)",
-        }
-    }
-}
 
 
 @router.post(
     "",
     status_code=202,
     summary="Ask for a file",
-    response_model=documents.Export,
     responses={
         200: {"model": documents.Export, "description": "It is there already.", "headers": _LOCATION},
         202: {"description": "Queued, or being made.", "headers": _LOCATION},
@@ -145,7 +145,7 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
     The export is `cancelled`, and is told as such until it would have expired. Once more changes nothing.
     """
     with service.sessions.begin() as session:
-        export: documents.Export = existing(exports.get(session, export_id), "export", export_id)
+        export = existing(exports.get(session, export_id), "export", export_id)
         blob_key = store.cancel(session, export_id, service.settings)
         if export.status is not documents.ExportStatus.CANCELLED:
             audit.note(session, origin, "export removed", export_id, file_name=export.file_name)
@@ -158,9 +158,7 @@ def delete_export(export_id: uuid.UUID, service: ServiceDep, origin: Origin) -> 
     summary="The file of an export",
     response_class=Response,
     responses={
-        200: {"description": "The file.", **_BYTES},
-        206: {"description": "The part of it that `Range` asks for.", **_BYTES},
-        304: {"description": "Unchanged since the ETag."},
+        **file_answers("(the bytes of versant-gpkg.gpkg)"),
         **problems(404, 409, 416, 503),
     },
 )
@@ -242,8 +240,7 @@ def _naming(field: str) -> Iterator[None]:
 
 def _get_export(service: Service, export_id: uuid.UUID) -> documents.Export:
     with service.reading() as session:
-        export: documents.Export = existing(exports.get(session, export_id), "export", export_id)
-    return export
+        return existing(exports.get(session, export_id), "export", export_id)
 
 
 def _done(service: Service, export_id: uuid.UUID) -> documents.Export:

@@ -23,10 +23,9 @@ from sqlalchemy import Engine
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.jobs import memory
-from app.jobs.computations import Liveness, charge_dead, forget_gone
+from app.jobs.computations import SIGNS, Liveness, Signs, charge_dead, forget_gone
 from app.jobs.connector import EngineConnector
 from app.jobs.runs import Runs, make_queue
-from app.jobs.signs import SIGNS, Signs
 from app.jobs.stopping import RUN_ON_SHARE, BusyConnections, Stopping
 from app.jobs.task import QUEUE, Task
 

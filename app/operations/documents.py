@@ -9,9 +9,8 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from app.core.http import EXAMPLE_ID, Link, link
-from app.core.messages import SAID, Said, said_in
 from app.core.text import Moment
-from app.jobs.requests.store import Request
+from app.jobs.requests.store import Request, RequestFailure
 
 
 class Kind(StrEnum):
@@ -72,12 +71,8 @@ EXAMPLE: dict[str, Any] = {
 }
 
 
-class Failure(BaseModel):
+class Failure(RequestFailure):
     """Why an operation failed."""
-
-    kind: str = Field(description="Stable identifier of the reason.")
-    reason: str = Field(description="What is wrong and what to do about it.")
-    said: Said | None = Field(None, description=f"The same by its key; {SAID}")
 
 
 class Operation(Request, json_schema_extra={"examples": [EXAMPLE]}):
@@ -110,12 +105,7 @@ class Operation(Request, json_schema_extra={"examples": [EXAMPLE]}):
     @classmethod
     def of(cls, columns: Mapping[str, Any]) -> Operation:
         """The record of a row of the store."""
-        failure = None
-        if columns["status"] == Status.FAILED:
-            failure = Failure(
-                kind=columns["failure_kind"], reason=columns["failure_reason"], said=said_in(columns)["said"]
-            )
-        return cls.model_validate({**columns, "failure": failure})
+        return cls.model_validate({**columns, "failure": Failure.of(columns)})
 
     @property
     def begun(self) -> bool:

@@ -109,7 +109,6 @@ class OperationRequest(BaseModel):
     "",
     status_code=202,
     summary="Ask for an operation",
-    response_model=Operation,
     responses={
         202: {"description": "Queued, or the same that waits already.", "headers": _LOCATION},
         **problems(403, 413, 415, 422, 503, 507),
@@ -286,5 +285,4 @@ def _add_operation(
 
 
 def _get(session: Session, number: uuid.UUID) -> Operation:
-    operation: Operation = existing(operations.get(session, number), "operation", number)
-    return operation
+    return existing(operations.get(session, number), "operation", number)

@@ -215,15 +215,7 @@ def _settle(run: Run) -> Outcome:
     return Outcome({"segments": segments, "sentence": say("operation.settled", n=segments)})
 
 
-def _learn_widenings(run: Run) -> Outcome:
-    return _widen(run, widenings.learn)
-
-
-def _reset_widenings(run: Run) -> Outcome:
-    return _widen(run, widenings.reset)
-
-
-def _widen(run: Run, change: Callable[..., list[Document]]) -> Outcome:
+def _widen(change: Callable[..., list[Document]], run: Run) -> Outcome:
     _note_state(run, begun=True)
     with run.computing():
         classes = change(run.sessions, run.show)
@@ -256,8 +248,8 @@ _WORK: dict[Kind, Callable[[Run], Outcome]] = {
     Kind.REMOVE_REGION: _remove_region,
     Kind.REMOVE_RASTER: _remove_raster,
     Kind.SETTLE: _settle,
-    Kind.LEARN_WIDENINGS: _learn_widenings,
-    Kind.RESET_WIDENINGS: _reset_widenings,
+    Kind.LEARN_WIDENINGS: partial(_widen, widenings.learn),
+    Kind.RESET_WIDENINGS: partial(_widen, widenings.reset),
     Kind.RELEASE: _release,
 }
 

@@ -148,23 +148,20 @@ class Metrics(Collector):
         )
         if gauges is None:
             return
-        drives = families.GaugeMetricFamily(
-            "versant_drives", "Drives by status.", labels=LABELS["versant_drives"]
-        )
-        for status in DRIVE_STATUSES:
-            drives.add_metric([status], gauges.drives_by_status.get(status, 0))
-        yield drives
+        by_status = {status: gauges.drives_by_status.get(status, 0) for status in DRIVE_STATUSES}
+        yield _by_label("versant_drives", "Drives by status.", by_status)
         for name, meaning in GAUGES.items():
             yield families.GaugeMetricFamily(f"versant_{name}", meaning, value=gauges.plain[name])
-        failed = families.GaugeMetricFamily(
-            "versant_failures",
-            "Drives that are failed now, by the kind of the failure.",
-            labels=LABELS["versant_failures"],
-        )
-        for kind, count in gauges.failures_by_kind.items():
-            failed.add_metric([kind], count)
-        yield failed
+        failures = "Drives that are failed now, by the kind of the failure."
+        yield _by_label("versant_failures", failures, gauges.failures_by_kind)
         yield from (_family(measure, gauges.totals) for measure in MEASURES)
+
+
+def _by_label(name: str, meaning: str, counts: dict[str, int]) -> families.Metric:
+    family = families.GaugeMetricFamily(name, meaning, labels=LABELS[name])
+    for label, count in counts.items():
+        family.add_metric([label], count)
+    return family
 
 
 def _of_standby(standby: Standby) -> Iterator[families.Metric]:

@@ -60,7 +60,7 @@ _CHANGES = """
                         WHEN 'withdraw' THEN p.told IS NOT NULL
                         ELSE p.told IS NOT NULL AND p.eligible IS NULL END
 """
-# Every pass counts as condensed: a solution reads their sums alone (``app.releases.condensing``).
+# Every pass counts as condensed: a solution reads their sums alone (``app.releases.telling``).
 _TAKE_BACK = """
     DELETE FROM told.drive_passes AS t USING changes AS c
     WHERE t.drive_id = c.drive_id AND t.segment_id = c.segment_id

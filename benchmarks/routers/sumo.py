@@ -37,7 +37,7 @@ import rasterio
 from affine import Affine
 
 from accuracy.scoring import rms, show_progress, text_table, write_json
-from app.batch.source import SolvedSource
+from app.batch.outputs import SolvedSource
 from app.cli.logs.fusing import Fusion
 from app.exports.formats import FORMATS
 from app.exports.source import Source

@@ -39,7 +39,7 @@ from typing import Any, cast
 import numpy as np
 
 from accuracy.scoring import show_progress, text_table, write_json
-from app.batch.source import SolvedSource
+from app.batch.outputs import SolvedSource
 from app.cli.logs.fusing import Fusion
 from app.exports.formats import FORMATS
 from app.exports.source import Source

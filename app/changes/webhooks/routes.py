@@ -226,7 +226,7 @@ def list_all(request: Request, service: ServiceDep, base: BaseUrl) -> WebhookLis
 def get(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> WebhookWithDeliveries:
     """The address and what became of its newest messages; those that ended are shown for a week."""
     with service.reading() as session:
-        row: WebhookRow = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
+        row = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         deliveries = store.last_deliveries(session, webhook_id, SHOWN)
     return WebhookWithDeliveries.of(row, base, deliveries=deliveries)
 
@@ -253,7 +253,7 @@ def change(
     if wish.url is not None:
         _check(service, wish.url)
     with service.sessions.begin() as session:
-        row: WebhookRow = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
+        row = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         changed = row._replace(**changes)
         follows = SEGMENTS_CHANGED in changed.events
         version = (row.reported_version or version_text(session, horizon(session))) if follows else None
@@ -279,7 +279,7 @@ def delete(webhook_id: WebhookId, service: ServiceDep) -> None:
 def send_test(webhook_id: WebhookId, service: ServiceDep, base: BaseUrl) -> MessageAccepted:
     """Send a message of type `test`; a worker does it, and what came of it is shown with the address."""
     with service.sessions.begin() as session:
-        row: WebhookRow = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
+        row = existing(store.get_webhook(session, webhook_id), "webhook", webhook_id)
         if not row.active:
             raise BadRequestError(say("webhook.off"))
         message = store.add_message(session, webhook_id, TEST, {"webhook_id": str(webhook_id)})

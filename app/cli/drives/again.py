@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from app.cli.console import Console, spoken, tell, write_json
-from app.cli.drives.look import SHOWN_FAILURES, failures_table, listed
+from app.cli.drives.look import SHOWN_FAILURES, drives, failures_table, listed
 from app.cli.options import GNSS_OPTION, JSON_FILE, flag, opt, parse_assignments
 from app.cli.remote import GNSS_CHOICE, KEY, KEY_DIR, SERVER, service_client
 from app.core.messages import say
@@ -24,9 +24,13 @@ if TYPE_CHECKING:
 POLL_S = 2.0
 _ADDRESS = "/v1/drives/reprocess"
 
+app = typer.Typer(add_completion=False)
+app.add_typer(drives, name="drives")
+
 MOMENT = opt("Such as 2026-11-20 or 2026-11-20T09:00:00Z.", metavar="TIME")
 
 
+@drives.command("reprocess")
 def reprocess(
     ctx: typer.Context,
     every: bool = flag("Every drive that is done or failed.", "--all"),

@@ -26,6 +26,9 @@ SHORT_REASON = 80
 SHOWN_FAILURES = 100
 """Drives that failed in a batch and are named at its end."""
 
+drives = typer.Typer(
+    no_args_is_help=True, help="List, show, delete or process again the drives of a service."
+)
 DRIVE_IDS = arg("Drives, as `list` names them.", metavar="ID...")
 
 
@@ -43,6 +46,7 @@ Status = Literal["queued", "running", "done", "failed", "cancelled"]
 """Where a drive stands; the service's own names, known here without loading it."""
 
 
+@drives.command("list")
 def list_drives(
     ctx: typer.Context,
     server: str | None = SERVER,
@@ -73,6 +77,7 @@ def list_drives(
     write_json(json_file, {"server": client.server, "drives": drives})
 
 
+@drives.command("show")
 def show(
     ctx: typer.Context,
     drive: str = arg("A drive, as `list` names it.", metavar="ID"),
@@ -89,6 +94,7 @@ def show(
     write_json(json_file, document)
 
 
+@drives.command("delete")
 def delete(
     ctx: typer.Context,
     ids: list[str] = DRIVE_IDS,

@@ -1,6 +1,7 @@
-"""``versant keys create``, ``list``, ``revoke``, ``rotate`` and ``link``.
+"""``versant keys``: the keys of a service, made, listed, revoked, given another secret; on the database itself.
 
-What a program is to take on, a secret or an address, stands alone on standard output.
+Whoever may open the database needs no key for it. What a program is to take on, a secret or an address, stands alone
+on standard output.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from app.cli.console import Console, write_json
+from app.cli.database import sessions
 from app.cli.options import DATA_DIR, JSON_FILE, arg, flag, opt
 from app.core.messages import say
 
@@ -24,7 +26,14 @@ Scope = Literal["live", "upload", "own", "operate"]
 
 KEY_ID = arg("A key, as `list` names it.", metavar="ID")
 
+keys = typer.Typer(
+    no_args_is_help=True, help="Make, list, revoke or renew the keys of a service, or log a browser in."
+)
+app = typer.Typer(add_completion=False)
+app.add_typer(keys, name="keys")
 
+
+@keys.command("create")
 def create(
     ctx: typer.Context,
     owner: str = opt("Whose key it is.", default=..., metavar="NAME"),
@@ -44,7 +53,6 @@ def create(
 ) -> None:
     """Make a key and print its secret, this once: the service keeps a hash of it alone."""
     from app.access import store
-    from app.cli.database import sessions
     from app.cli.keys.finding import note, the_owner, usable_name
 
     console: Console = ctx.obj
@@ -58,6 +66,7 @@ def create(
     typer.echo(secret)
 
 
+@keys.command("list")
 def list_keys(
     ctx: typer.Context,
     owner: str | None = opt("Only keys of this owner.", metavar="NAME"),
@@ -67,7 +76,6 @@ def list_keys(
     """List keys by owner, with the day on which each was last used, those that are void as well."""
     from app.access import store
     from app.access.documents import Key as KeyDocument
-    from app.cli.database import sessions
     from app.cli.keys.finding import the_owner
 
     console: Console = ctx.obj
@@ -79,10 +87,10 @@ def list_keys(
     write_json(json_file, {"keys": [KeyDocument.of(key).model_dump(mode="json") for key in keys]})
 
 
+@keys.command("revoke")
 def revoke(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None = DATA_DIR) -> None:
     """Let nobody in by a key any more, at once; it stays in the list."""
     from app.access import store
-    from app.cli.database import sessions
     from app.cli.keys.finding import note, the_key
 
     console: Console = ctx.obj
@@ -93,11 +101,11 @@ def revoke(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None
     console.note(say("keys.revoked", key=_described(key)))
 
 
+@keys.command("rotate")
 def rotate(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None = DATA_DIR) -> None:
     """Give a key another secret and print that, this once; the one before is void, and so are its sessions."""
     from app.access import store
     from app.access.folder import renew_key
-    from app.cli.database import sessions
     from app.cli.keys.finding import key_of_folder, note, usable_key
 
     console: Console = ctx.obj
@@ -114,6 +122,7 @@ def rotate(ctx: typer.Context, key_id: uuid.UUID = KEY_ID, data_dir: Path | None
     typer.echo(secret)
 
 
+@keys.command("link")
 def link(
     ctx: typer.Context,
     key_id: uuid.UUID | None = arg(
@@ -126,7 +135,6 @@ def link(
 ) -> None:
     """Print an address that logs one browser in, once, within an hour; it may then do what the key may."""
     from app.access.store import create_link
-    from app.cli.database import sessions
     from app.cli.keys.finding import key_to_log_in
 
     console: Console = ctx.obj

@@ -10,6 +10,7 @@ import typer
 
 import app.cli.options as cli
 from app.cli.console import Console, tell, write_json
+from app.cli.database import sessions as databases
 from app.core.messages import say
 from app.core.text import whole_file
 
@@ -39,9 +40,7 @@ def hpms(
     Lines are followed along the roads, and only what drives measured counts; the rest of a section is a column of its
     own. Lengths are scaled to the section's, end_point less begin_point.
     """
-    from app.cli.database import sessions as databases
-    from app.cli.sections.reading import read_sections
-    from app.cli.sections.table import DIGITS, METRES_PER_MILE, row_of
+    from app.cli.sections.reading import DIGITS, METRES_PER_MILE, read_sections, row_of
     from app.core.db import snapshot
     from app.map.heights.classes import by_class
     from app.map.segment import attribution

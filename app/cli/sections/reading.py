@@ -14,6 +14,8 @@ import numpy as np
 import shapely
 
 from app.core.messages import say
+from app.core.text import rounded
+from app.map.heights.classes import CLASSES, ByClass
 from fusion.errors import BadOptionsError
 from fusion.types import Floats
 
@@ -100,3 +102,24 @@ def _section(path: Path, number: int, values: Mapping[str, Any], line: Any) -> S
     if not (np.isfinite(places).all() and (np.abs(places) <= (180, 90)).all() and shape.length > 0):
         raise wrong(say("hpms.no_degrees"))
     return Section((route, begin, end), miles, places)
+
+
+METRES_PER_MILE = 1609.344
+DIGITS = 3
+"""Of miles, as HPMS has them, and of shares."""
+
+
+def row_of(section: Section, found: ByClass) -> dict[str, Any]:
+    """Miles in each class, scaled to the section; a probability that is not known is None."""
+    shares = np.append(found.length_m, found.whole_m - found.length_m.sum()) / found.whole_m
+    # Rounded as sums, so that they add up to the section.
+    sums = np.round(np.cumsum(shares) * section.miles, DIGITS)
+    miles = [rounded(one, DIGITS) for one in np.diff(sums, prepend=0.0).tolist()]
+    return {
+        **dict(zip(NAMES, section.given, strict=True)),
+        "section_miles": rounded(section.miles, DIGITS),
+        "line_miles": rounded(found.whole_m / METRES_PER_MILE, DIGITS),
+        **dict(zip([*(f"grades_{name}" for name in CLASSES), "unmeasured_miles"], miles, strict=True)),
+        "measured_share": rounded(1 - float(shares[-1]), DIGITS),
+        "class_probability": rounded(found.sure, DIGITS),
+    }

@@ -13,9 +13,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from app.cli.client import Client, ClientError, RefusedKeyError, Sent
-from app.cli.uploads.delivering import deliver
+from app.cli.uploads.delivering import deliver, ends_all, patiently
 from app.cli.uploads.journal import Journal
-from app.cli.uploads.patience import ends_all, patiently
 from app.cli.uploads.rows import SENT_BEFORE
 from app.core.messages import say
 from app.drives.receiving.zips import content_of_files

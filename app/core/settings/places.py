@@ -34,18 +34,18 @@ MOST_KEEP_DAYS = 36_500
 
 def default_data_dir() -> Path:
     """``$XDG_DATA_HOME/versant``, or ``~/.local/share/versant`` where that variable is unset or relative."""
-    base = Path(os.environ.get("XDG_DATA_HOME", ""))
-    if not base.is_absolute():  # the XDG specification says that relative paths are to be ignored
-        base = Path.home() / ".local" / "share"
-    return base / "versant"
+    return _own_folder("XDG_DATA_HOME", "share")
 
 
 def default_state_dir() -> Path:
     """``$XDG_STATE_HOME/versant``, or ``~/.local/state/versant``: what commands know from one run to the next."""
-    base = Path(os.environ.get("XDG_STATE_HOME", ""))
-    if not base.is_absolute():
-        base = Path.home() / ".local" / "state"
-    return base / "versant"
+    return _own_folder("XDG_STATE_HOME", "state")
+
+
+def _own_folder(variable: str, usual: str) -> Path:
+    base = Path(os.environ.get(variable, ""))
+    # The XDG specification says that relative paths are to be ignored.
+    return (base if base.is_absolute() else Path.home() / ".local" / usual) / "versant"
 
 
 def sqlalchemy_url(url: str) -> str:

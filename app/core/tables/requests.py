@@ -217,7 +217,7 @@ class ClaimRow(Base):
     key: Mapped[int] = mapped_column(sa.BigInteger, primary_key=True, autoincrement=False)
     holder: Mapped[uuid.UUID]
     process: Mapped[str]
-    """Where the holder is: who finds it dead (``app.jobs.signs``) ends its claims."""
+    """Where the holder is: who finds it dead (``app.jobs.computations``) ends its claims."""
     until: Mapped[datetime]
 
     __table_args__ = ({"prefixes": ["UNLOGGED"]},)

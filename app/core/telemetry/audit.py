@@ -76,12 +76,12 @@ def prune(session: Session, most: int = MOST_KEPT) -> None:
     session.execute(_PRUNE, {"kept": most})
 
 
-def entries(session: Session, days: int, most: int = MOST_SHOWN) -> list[dict[str, Any]]:
-    """At most ``most`` rows of the last ``days``, the newest first."""
-    return [dict(row._mapping) for row in session.execute(_READ, {"days": days, "most": most})]
+def entries(session: Session, days: int) -> list[dict[str, Any]]:
+    """At most ``MOST_SHOWN`` rows of the last ``days``, the newest first."""
+    return [dict(row._mapping) for row in session.execute(_READ, {"days": days, "most": MOST_SHOWN})]
 
 
-def entries_of(session: Session, owner_id: int, after: int, most: int = MOST_SHOWN) -> list[dict[str, Any]]:
-    """At most ``most`` rows of an owner beyond the number ``after``, in their order."""
-    rows = session.execute(_READ_OF, {"owner_id": owner_id, "after": after, "most": most})
+def entries_of(session: Session, owner_id: int, after: int) -> list[dict[str, Any]]:
+    """At most ``MOST_SHOWN`` rows of an owner beyond the number ``after``, in their order."""
+    rows = session.execute(_READ_OF, {"owner_id": owner_id, "after": after, "most": MOST_SHOWN})
     return [dict(row._mapping) for row in rows]

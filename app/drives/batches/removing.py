@@ -80,7 +80,6 @@ class Removal(BaseModel, json_schema_extra={"examples": [_EXAMPLE]}):
     "/remove",
     status_code=202,
     summary="Remove many drives",
-    response_model=Removal,
     responses={
         200: {"model": Removal, "description": "Of a dry run: nothing was changed."},
         **problems(403, 422, 503),

@@ -119,7 +119,7 @@ def cancel_batch(
 
 def _seen(service: Service, base: str, number: int | None) -> Batch:
     with service.reading() as session:
-        seen: Batch = existing(batch_progress(session, number), "batch", number)
+        seen = existing(batch_progress(session, number), "batch", number)
     address = f"{base}/v1/drives/reprocess" if number is None else _address(base, number)
     return seen.model_copy(update={"links": [link(address, "self")]})
 

@@ -30,10 +30,18 @@ from app.drives import intake, queue
 from app.drives import store as drives
 from app.drives.documents import Drive
 from app.drives.live import store
-from app.drives.live.cutting import LONGEST_US, MOST_POINTS, Piece, cut
+from app.drives.live.cutting import (
+    LONGEST_US,
+    MOST_POINTS,
+    Piece,
+    cut,
+    filename_of,
+    log_of,
+    merged,
+    points_in,
+)
 from app.drives.live.points import US, LivePoint
 from app.drives.live.store import Closed, Stream
-from app.drives.live.writing import filename_of, log_of, merged, points_in
 from app.drives.method_choice import default_method
 
 LOOK_EVERY_S = 5.0

@@ -75,20 +75,7 @@ class Stream(BaseModel, json_schema_extra={"examples": [_STREAM]}):
         if seen.time_us is not None and seen.lat_deg is not None and seen.lon_deg is not None:
             time = datetime.fromtimestamp(seen.time_us / US, UTC)
             last = LastPoint(time=time, lat=seen.lat_deg, lon=seen.lon_deg)
-        return cls(
-            key=seen.key_id,
-            label=seen.label,
-            revoked=seen.revoked,
-            sender=seen.sender,
-            device=seen.device,
-            seen_at=seen.seen_at,
-            seen_ago_s=seen.ago_s,
-            under_way=seen.open,
-            last=last,
-            unusable=seen.unusable,
-            unusable_why=seen.unusable_why,
-            drive=seen.drive_id,
-        )
+        return cls(**{name: getattr(seen, name) for name in cls.model_fields if name != "last"}, last=last)
 
 
 class Streams(BaseModel, json_schema_extra={"examples": [{"streams": [_STREAM]}]}):

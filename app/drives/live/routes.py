@@ -100,14 +100,14 @@ class QuotaLooks:
         self._until[owner_id] = time.monotonic() + LOOK_AT_QUOTA_EVERY_S
 
 
-@router.get("", summary="Devices that send points", response_model=Streams, responses=problems(401, 403))
+@router.get("", summary="Devices that send points", responses=problems(401, 403))
 def list_streams(service: ServiceDep) -> Streams:
     """Each device of the caller's owner with the last point of it that is in no log yet."""
     with service.reading() as session:
         return Streams(streams=[Stream.of(one) for one in store.streams(session, MOST_LISTED)])
 
 
-@router.get("/senders", summary="Programs that send points", response_model=Senders)
+@router.get("/senders", summary="Programs that send points")
 def list_senders() -> Senders:
     """The programs whose messages are understood."""
     return Senders(senders=[SenderDocument(name=one.name, title=one.title) for one in SENDERS.values()])
@@ -117,14 +117,13 @@ def list_senders() -> Senders:
     "/addresses",
     status_code=201,
     summary="Make an address for a program",
-    response_model=MadeAddress,
     responses={**UNREADABLE_BODY, **problems(401, 403, 404, 409, 422)},
 )
 def make_address(
     request: NewAddress, response: Response, service: ServiceDep, base: BaseUrl, origin: Origin
 ) -> MadeAddress:
     """Make a key of scope `live` and the address that holds it, told this once. Revoke the key to make it void."""
-    sender = _sender(request.sender)
+    sender = existing(SENDERS.get(request.sender), "program", request.sender)
     response.headers["Cache-Control"] = "no-store"
     with service.sessions.begin() as session:
         if len(list_keys(session, own_id())) >= MOST_KEYS:
@@ -137,9 +136,7 @@ def make_address(
     return MadeAddress(key=Key.of(key), address=address, typed=typed, link=link)
 
 
-@router.get(
-    "/last", summary="The last point of a key", response_model=Streams, responses=problems(401, 403, 503)
-)
+@router.get("/last", summary="The last point of a key", responses=problems(401, 403, 503))
 def last_point(service: ServiceDep) -> Streams:
     """The devices that send by this very key, with the last point of each that is in no log yet: all that such a key
     can read."""
@@ -150,7 +147,6 @@ def last_point(service: ServiceDep) -> Streams:
 @router.get(
     "/last/{capability}",
     summary="The last point of an address",
-    response_model=Streams,
     responses=problems(401, 403, 503),
 )
 def last_by_address(service: ServiceDep, capability: Capability) -> Streams:
@@ -160,7 +156,7 @@ def last_by_address(service: ServiceDep, capability: Capability) -> Streams:
 
 async def add_points(request: Request, service: ServiceDep, sender: SenderName) -> Response:
     """See ``_WHAT``."""
-    program = _sender(sender)
+    program = existing(SENDERS.get(sender), "program", sender)
     if request.headers.get("sec-fetch-site", "none") not in {"none", "same-origin"}:
         raise CrossOriginWriteError(say("live.another_page"))
     message = Message(dict(request.query_params), await request.body(), request.headers)
@@ -192,11 +188,6 @@ for _path, _route in (("/{sender}", add_points), ("/{sender}/{capability}", add_
             responses=_ANSWERS,
             openapi_extra=_extra,
         )
-
-
-def _sender(name: str) -> Sender:
-    sender: Sender = existing(SENDERS.get(name), "program", name)
-    return sender
 
 
 def _receive(service: Service, looks: QuotaLooks, sender: Sender, message: Message) -> None:

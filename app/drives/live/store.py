@@ -63,12 +63,12 @@ _IS_THERE = text("""
 """)
 
 _LISTED = f"""
-    SELECT s.id, s.key_id, k.label, k.revoked_at IS NOT NULL AS revoked, s.sender, s.device, s.seen_at, s.unusable,
-           s.unusable_why, s.due_at IS NOT NULL AS open,
-           CAST(extract(epoch FROM clock_timestamp() - s.seen_at) AS float8) AS ago_s,
+    SELECT s.id, s.key_id AS key, k.label, k.revoked_at IS NOT NULL AS revoked, s.sender, s.device, s.seen_at,
+           s.unusable, s.unusable_why, s.due_at IS NOT NULL AS under_way,
+           CAST(extract(epoch FROM clock_timestamp() - s.seen_at) AS float8) AS seen_ago_s,
            p.time_us, p.lat_deg, p.lon_deg,
            (SELECT d.drive_id FROM live_drives AS d JOIN drives AS r ON r.id = d.drive_id AND {IS_SHOWN.format("r")}
-            WHERE d.stream_id = s.id ORDER BY d.ends_us DESC LIMIT 1) AS drive_id
+            WHERE d.stream_id = s.id ORDER BY d.ends_us DESC LIMIT 1) AS drive
     FROM live_streams AS s LEFT JOIN keys AS k ON k.id = s.key_id
     LEFT JOIN LATERAL (SELECT * FROM live_points WHERE stream_id = s.id ORDER BY time_us DESC LIMIT 1) AS p ON true
     WHERE s.owner_id = :owner_id {{of}} ORDER BY s.seen_at DESC LIMIT :most
@@ -120,7 +120,7 @@ class Seen(NamedTuple):
     """A stream as people are told of it: what came last, of points that are in no log yet where it was."""
 
     id: int
-    key_id: uuid.UUID | None
+    key: uuid.UUID | None
     label: str | None
     revoked: bool
     sender: str
@@ -128,12 +128,12 @@ class Seen(NamedTuple):
     seen_at: datetime
     unusable: int
     unusable_why: str | None
-    open: bool
-    ago_s: float
+    under_way: bool
+    seen_ago_s: float
     time_us: int | None
     lat_deg: float | None
     lon_deg: float | None
-    drive_id: uuid.UUID | None
+    drive: uuid.UUID | None
     """The last that was made of it."""
 
 

@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 from app.core.http import ServiceDep, existing, problems
 from app.drives import store as drives
 from app.drives.method_choice import asked_columns
-from app.drives.parts.stored_log import opened_log
+from app.drives.parts.reading import opened_log
 from app.drives.receiving.first_look import unpacked
 from fusion.errors import LogError
 

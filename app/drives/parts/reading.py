@@ -117,7 +117,7 @@ def drive_and_track(session: Session, drive_id: uuid.UUID, ends: Ends = None) ->
 
     ``NotFoundError`` says why there is none.
     """
-    drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+    drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
     track = tracks.read_track(session, drive_id)
     if track is None:
         reason = f" It failed: {drive.failure.reason}" if drive.failure else " Look again when it is done."
@@ -201,14 +201,14 @@ def log_name(filename: str, file: BinaryIO) -> str:
     return f"{filename}.zip" if head == ZIP else filename
 
 
-def in_blocks(chunks: Iterator[str], size: int = BLOCK_BYTES) -> Iterator[str]:
+def in_blocks(chunks: Iterator[str]) -> Iterator[str]:
     """The same text in larger pieces: each piece costs a hop between threads."""
     waiting: list[str] = []
     length = 0
     for chunk in chunks:
         waiting.append(chunk)
         length += len(chunk)
-        if length >= size:
+        if length >= BLOCK_BYTES:
             yield "".join(waiting)
             waiting, length = [], 0
     yield "".join(waiting)
@@ -269,3 +269,11 @@ def estimates_answer(
     else:
         chunks, headers = collection_chunks(map(estimate_feature, estimates), members), VARY
     return StreamingResponse(in_blocks(chunks), media_type=ESTIMATES[form], headers=headers)
+
+
+def opened_log(service: Service, drive: Drive, block_bytes: int) -> BinaryIO:
+    """The file as it came, fetched in blocks of a bucket; ``NotFoundError`` where it is lost."""
+    try:
+        return service.blobs.open(drive.blob_key, block_bytes)
+    except FileNotFoundError:
+        raise NotFoundError(say("drives.file_gone", id=drive.id)) from None

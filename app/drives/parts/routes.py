@@ -6,7 +6,7 @@ Knows no SQL and draws nothing.
 from __future__ import annotations
 
 import uuid
-from typing import Annotated, Any, BinaryIO, Literal
+from typing import Annotated, BinaryIO, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
@@ -17,6 +17,7 @@ from app.core.http import (
     BaseUrl,
     ServiceDep,
     existing,
+    file_answers,
     geojson_answer,
     geojson_response,
     link,
@@ -28,7 +29,7 @@ from app.core.http import link_documents as documents
 from app.core.query import cursor_of, parse_cursor
 from app.core.text import GEO_JSON, language_of
 from app.drives import store as drives
-from app.drives.documents import Drive, drive_address
+from app.drives.documents import drive_address
 from app.drives.outputs.drawing import Drawing
 from app.drives.outputs.estimates import estimate_feature
 from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
@@ -54,12 +55,12 @@ from app.drives.parts.reading import (
     in_blocks,
     log_name,
     measurements_answer,
+    opened_log,
     profile_answer,
     run_of_drive,
     stem_of,
     text_content,
 )
-from app.drives.parts.stored_log import opened_log
 from app.drives.parts.without_ends import EndsQuery, shown_estimates
 from app.exports.ranges import file_answer
 from app.map.segment import attribution
@@ -84,9 +85,6 @@ _GPX_EXAMPLE = (
     "</trkseg></trk></gpx>"
 )
 
-_FILE: dict[str, Any] = {
-    "content": {BYTES: {"schema": {"type": "string", "format": "binary"}, "example": "(the bytes)"}}
-}
 
 router = APIRouter(prefix="/v1/drives", tags=["drives"])
 
@@ -273,9 +271,7 @@ async def drive_measurements(
     summary="A drive's log as it was uploaded",
     response_class=Response,
     responses={
-        200: {"description": "The file.", **_FILE},
-        206: {"description": "The part of it that `Range` asks for.", **_FILE},
-        304: {"description": "Unchanged since the ETag."},
+        **file_answers("(the bytes)"),
         **problems(404, 410, 416, 503),
     },
 )
@@ -285,7 +281,7 @@ def drive_log(drive_id: uuid.UUID, request: Request, service: ServiceDep) -> Res
     Resumable: `Range` with `If-Range`. The ETag is the SHA-256 of the file. 410 where the owner keeps logs no longer.
     """
     with service.reading() as session:
-        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
     drive.require_log()
     etag, size = f'"{drive.sha256}"', drive.size_bytes
     shared = {"ETag": etag, "Accept-Ranges": "bytes", "Cache-Control": "no-cache"}

@@ -18,7 +18,6 @@ from app.core.messages import say
 from app.core.text import GEO_JSON, dumps
 from app.drives import store as drives
 from app.drives import tracks
-from app.drives.documents import Drive
 from app.drives.method_choice import MethodQuery, asked_positioning, chosen_anew
 from app.drives.outputs.measurements import MEASUREMENTS_EXAMPLE, MEASUREMENTS_SCHEMA
 from app.drives.outputs.profile_document import PROFILE_EXAMPLE, PROFILE_SCHEMA
@@ -73,7 +72,6 @@ def _of_trial(schema: dict[str, Any], example: dict[str, Any]) -> dict[str, Any]
     "",
     status_code=202,
     summary="Try another method on a drive",
-    response_model=TrialAccepted,
     responses={
         200: {"model": TrialAccepted, "description": "Asked for before: that trial.", "headers": _LOCATION},
         202: {"description": "Queued.", "headers": _LOCATION},
@@ -92,7 +90,7 @@ def add_trial(
     """
     options, positioning = query.asked_options(), asked_positioning(query.gnss, query.gnss_option)
     with service.reading() as session:
-        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
     method = drive.method if query.method == "" else query.method
     chosen = chosen_anew(method, options, positioning, (drive.method, drive.options))
     with service.sessions.begin() as session:
@@ -230,10 +228,9 @@ def _run_of(drive_id: uuid.UUID, trial_id: uuid.UUID) -> FindRun:
 
 
 def _get_trial(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> Trial:
-    trial: Trial = existing(
+    return existing(
         trials.get(session, trial_id, drive_id=drive_id), f"trial of drive {drive_id} called", trial_id
     )
-    return trial
 
 
 def _done(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> tuple[Trial, store.Result, str]:
@@ -241,7 +238,7 @@ def _done(session: Session, drive_id: uuid.UUID, trial_id: uuid.UUID) -> tuple[T
     why there is nothing."""
     trial = _get_trial(session, drive_id, trial_id)
     if (result := store.result_of(session, trial)) is not None:
-        drive: Drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
+        drive = existing(drives.get_drive(session, drive_id), "drive", drive_id)
         return trial, result, f"{stem_of(drive.filename)}-{trial.method}"
     if trial.failure is not None:
         raise NotFoundError(say("trial.failed", id=trial_id, reason=trial.failure.reason))

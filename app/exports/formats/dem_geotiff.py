@@ -6,14 +6,13 @@ point, NaN void; band 2 what became of each post. Posts lie at whole seconds of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
 from app.core.text import dumps
-from app.exports.format import ALL_FILTERS, Format, Stated
+from app.exports.format import ALL_FILTERS, Format, Stated, nothing_beside
 from app.exports.writing.relief import ArcSecond, ReliefOptions, relief_of
 
 if TYPE_CHECKING:
@@ -38,6 +37,7 @@ class DemGeoTiff(Format):
     options = GeoTiffOptions
     holds = "changed posts"
     filters = ALL_FILTERS
+    companions = nothing_beside
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write the file; the number of posts that were changed. ``RoadsError`` where no height of a road is known."""
@@ -54,7 +54,3 @@ class DemGeoTiff(Format):
             return write_geotiff(
                 path, blocks, bounds, relief.datum, tags, lambda stage, share: source.on_progress(share)
             )
-
-    def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:
-        """None: the file has tags."""
-        return {}

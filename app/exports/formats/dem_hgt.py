@@ -11,7 +11,6 @@ row after row from the north-west corner; -32768 is void.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from app.core.messages import say
-from app.exports.format import ALL_FILTERS, Format, Stated
+from app.exports.format import ALL_FILTERS, Format, Stated, nothing_beside
 from app.exports.writing.relief import ArcSecond, Crossings, ReliefOptions, about, relief_of
 
 if TYPE_CHECKING:
@@ -66,6 +65,7 @@ class DemHgt(Format):
     options = HgtOptions
     holds = "tiles"
     filters = ALL_FILTERS
+    companions = nothing_beside
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write the archive; its tiles. ``RoadsError`` where no height of a road is known."""
@@ -89,7 +89,3 @@ class DemHgt(Format):
             if void:
                 source.note(say("export.void_tiles", n=len(void), all=len(tiles), name=str(void[0])))
             return len(tiles)
-
-    def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:
-        """None: the archive has a text."""
-        return {}

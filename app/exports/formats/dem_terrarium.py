@@ -8,15 +8,15 @@ Heights are fitted to the middles of the pixels of each zoom anew. Tiles have no
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from app.exports.format import ALL_FILTERS, Format, Stated
-from app.exports.formats.pmtiles import PNG, tile_number, write_pmtiles
+from app.exports.format import ALL_FILTERS, Format, Stated, nothing_beside
+from app.exports.formats.pmtiles import PNG, ZoomOptions, tile_number, write_pmtiles
 from app.exports.writing.relief import ReliefOptions, relief_of
 
 if TYPE_CHECKING:
@@ -27,19 +27,13 @@ if TYPE_CHECKING:
 _LOWEST_M = -32768
 
 
-class TerrariumOptions(ReliefOptions):
+class TerrariumOptions(ZoomOptions, ReliefOptions):
     """Which tiles."""
 
     min_zoom: int = Field(9, ge=5, le=14, description="The lowest zoom.")
     max_zoom: int = Field(
         12, ge=5, le=14, description="The highest zoom: a pixel of 12 is 25 m at 49 degrees north."
     )
-
-    @model_validator(mode="after")
-    def _in_order(self) -> TerrariumOptions:
-        if self.min_zoom > self.max_zoom:
-            raise ValueError("min_zoom must not exceed max_zoom")
-        return self
 
 
 class DemTerrarium(Format):
@@ -53,6 +47,7 @@ class DemTerrarium(Format):
     options = TerrariumOptions
     holds = "tiles"
     filters = ALL_FILTERS
+    companions = nothing_beside
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """Write the archive; its tiles. ``RoadsError`` where no height of a road is known."""
@@ -72,10 +67,6 @@ class DemTerrarium(Format):
             }
             tiles = _tiles(source, relief.terrain, _addresses(bounds, zooms))
             return write_pmtiles(path, tiles, metadata=metadata, zooms=zooms, bounds_deg=bounds, kind=PNG)
-
-    def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:
-        """None: the archive holds everything."""
-        return {}
 
 
 def _addresses(bounds_deg: tuple[float, float, float, float], zooms: tuple[int, int]) -> list[Tile]:

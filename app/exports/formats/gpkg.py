@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from app.core.text import utc_text
-from app.exports.format import SEGMENTS, Stated, TableFormat
+from app.exports.format import SEGMENTS, Stated, TableFormat, nothing_beside
 from app.exports.writing.qgis_style import STYLE_DESCRIPTION, STYLE_NAME, qml
 from app.map.segment import Record
 
@@ -25,6 +25,7 @@ class GeoPackage(TableFormat):
     suffixes = (".gpkg",)
     media_type = "application/geopackage+sqlite3"
     description = "OGC GeoPackage, layer segments, WGS 84, with its style for QGIS"
+    companions = nothing_beside
 
     def write_records(self, records: Iterable[Record], path: Path, stated: Stated) -> int:
         """Write the layer with what is ``stated`` among its metadata, whose data it is as its description.
@@ -46,10 +47,6 @@ class GeoPackage(TableFormat):
                 _style_table(moment), path, layer=STYLES, driver="GPKG", layer_options={"FID": "id"}
             )
         return count
-
-    def companions(self, path: Path, stated: Stated) -> dict[Path, str]:
-        """None: the file holds everything."""
-        return {}
 
 
 @contextmanager

@@ -12,12 +12,12 @@ import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import Field, model_validator
 
 from app.core.text import dumps, varint
-from app.exports.format import Format, NoOptions, Stated
+from app.exports.format import Format, NoOptions, Stated, nothing_beside
 from app.map.segment import OSM_LICENSE
 from app.network import ZOOM
 
@@ -160,17 +160,24 @@ def _directory(entries: list[_Entry]) -> bytes:
     return packed_gzip(b"".join(map(varint, numbers)))
 
 
-class TileOptions(NoOptions):
+class ZoomOptions(NoOptions):
+    """From which zoom to which."""
+
+    min_zoom: int
+    max_zoom: int
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.min_zoom > self.max_zoom:
+            raise ValueError("min_zoom must not exceed max_zoom")
+        return self
+
+
+class TileOptions(ZoomOptions):
     """Which tiles."""
 
     min_zoom: int = Field(6, ge=0, le=ZOOM, description="The lowest zoom.")
     max_zoom: int = Field(ZOOM, ge=0, le=ZOOM, description="The highest zoom; clients enlarge its tiles.")
-
-    @model_validator(mode="after")
-    def _in_order(self) -> TileOptions:
-        if self.min_zoom > self.max_zoom:
-            raise ValueError("min_zoom must not exceed max_zoom")
-        return self
 
 
 class PmTiles(Format):
@@ -182,6 +189,7 @@ class PmTiles(Format):
     description = "PMTiles 3: the vector tiles in one file, which maps read without any service"
     options = TileOptions
     holds = "tiles"
+    companions = nothing_beside
 
     def write(self, source: Source, path: Path, stated: Stated, options: Any) -> int:
         """As ``Format``; counts tiles."""
@@ -203,7 +211,3 @@ class PmTiles(Format):
         return write_pmtiles(
             path, source.tiles(zooms, tile_number), metadata=metadata, zooms=zooms, bounds_deg=source.extent()
         )
-
-    def companions(self, path: Path, stated: Stated) -> Mapping[Path, str]:
-        """None: the archive holds everything."""
-        return {}

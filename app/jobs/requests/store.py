@@ -9,7 +9,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable, Mapping
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar, cast
 
 from pydantic import BaseModel, Field
 from sqlalchemy import Select, Table, func, insert, select, text, tuple_, update
@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 from app.core.caller import has_share, seeing_all
 from app.core.db import plain_json
 from app.core.errors import BusyError
-from app.core.messages import say
+from app.core.messages import SAID, Said, said_in, say
 from app.core.tables.requests import RequestColumns
 from app.core.telemetry.logs import reason_text, said_of_failure
 from app.jobs.task import Kind, add_job
@@ -37,6 +37,22 @@ class Request(BaseModel, frozen=True, json_schema_serialization_defaults_require
     if TYPE_CHECKING:  # declared by each document, at its own place in it
         status: str
         created_at: datetime
+
+
+class RequestFailure(BaseModel):
+    """Why a request failed, as its document tells it."""
+
+    kind: str = Field(description="Stable identifier of the reason.")
+    reason: str = Field(description="What is wrong and what to do about it.")
+    said: Said | None = Field(None, description=f"The same by its key; {SAID}")
+
+    @classmethod
+    def of(cls, columns: Mapping[str, Any]) -> Self | None:
+        """The reason in the columns of a row; None unless it is failed."""
+        if columns["status"] != "failed":
+            return None
+        said = said_in(columns)["said"]
+        return cls(kind=columns["failure_kind"], reason=columns["failure_reason"], said=said)
 
 
 class Failure(NamedTuple):

@@ -1,27 +1,78 @@
 """The landing page, the conformance classes, and the API's own document.
 
+The page at the root is for people too: where everything is, in their language and colours, without a script. The
+language is what the browser asks for, or ``lang=``; the colours are the system's, or ``theme=``.
+
 That is OpenAPI 3.1 as it is derived, 3.0 for clients that want that, and a plain page.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any, Literal, cast
 
-from fastapi import APIRouter, FastAPI, Request, Response
+from fastapi import APIRouter, Depends, FastAPI, Query, Request, Response
 
 from app.core.errors import NotAcceptableError
 from app.core.http import JSON, BaseUrl, link, link_documents
 from app.core.messages import say
 from app.core.query import refuse_unknown
-from app.core.text import dumps
+from app.core.text import dumps, language_of
 from app.map.items import pages
-from app.map.items.home import CARDS, LANGUAGES, PAGES, SeenDep
 from app.map.items.openapi30 import openapi_30
 from app.map.segment import attribution
 from app.map.tiles.documents import SCHEMES_REL, tilesets_link
 from app.map.tiles.routes import TILES_CLASSES
+from fusion.messages import text_in
+
+Language = Literal["en", "de"]
+Theme = Literal["light", "dark"]
+PAGES = ("map", "upload", "drives", "admin", "docs")
+CARDS = ("map", "upload", "record", "drives", "admin", "docs")
+"""Pages that the root says more of."""
+LANGUAGES: Mapping[Language, str] = {"en": "English", "de": "Deutsch"}
+
+
+class Seen:
+    """How the page is to be seen."""
+
+    def __init__(
+        self, form: pages.Wanted, language: Language, theme: Theme | None, asked: Language | None
+    ) -> None:
+        """``asked``: the language that the address names, None: the browser's."""
+        self.form, self.language, self.theme, self._asked = form, language, theme, asked
+
+    def word(self, name: str) -> str:
+        """A word or a sentence of the page."""
+        return text_in(self.language, say(f"home.{name}"))
+
+    def here(self, **other: str) -> str:
+        """This page with another language or other colours."""
+        own = {"f": self.form.asked, "lang": self._asked, "theme": self.theme} | other
+        return pages.with_pairs("/", [(name, text) for name, text in own.items() if text])
+
+    def page(self, name: str) -> str:
+        """The address of another page, in the language that was asked for."""
+        return pages.with_pairs(f"/{name}", [("lang", self._asked)] if self._asked else [])
+
+
+def _seen(
+    request: Request,
+    f: pages.FormatQuery = None,
+    lang: Annotated[Language | None, Query(description="The language of the page for people.")] = None,
+    theme: Annotated[Theme | None, Query(description="Its colours; unset: as the system has them.")] = None,
+) -> Seen:
+    refuse_unknown(request, {"f", "lang", "theme"})
+    form = pages.wanted(request, f, pages.AS_JSON, pages.AS_HTML)
+    return Seen(
+        form, lang or cast(Language, language_of(request.headers.get("accept-language", ""))), theme, lang
+    )
+
+
+SeenDep = Annotated[Seen, Depends(_seen)]
+
 
 BIND_NOTE = (
     "Requests need a key, but for those of the map where it is public (VERSANT_PUBLIC_MAP). The service listens "
@@ -96,7 +147,7 @@ def landing(request: Request, base: BaseUrl, seen: SeenDep) -> Response:
     }
     if not form.html:
         return pages.answered(request, dumps(document), form.media_type, links=links)
-    values = {"seen": seen, "texts": seen.texts, "languages": LANGUAGES, "shown_pages": PAGES, "cards": CARDS}
+    values = {"seen": seen, "languages": LANGUAGES, "shown_pages": PAGES, "cards": CARDS}
     text = pages.page("landing.html", title="Versant", crumbs=(), links=links, document=document, **values)
     headers = {**pages.page_headers(), "Vary": "Accept, Accept-Language", "Content-Language": seen.language}
     return pages.answered(request, text, pages.HTML, links=links, headers=headers)

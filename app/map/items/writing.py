@@ -110,11 +110,6 @@ def _cell(one: Property, without: str | None) -> list[str]:
     return [f"\0{_CELLS.get(one.kind, _SQL[one.kind])(one)}"]
 
 
-def value_sql(one: Property) -> str:
-    """The arguments of concat that write a property's value."""
-    return ", ".join(_joined(_value(one, None)))
-
-
 def _known(one: Property) -> str:
     # NaN is larger than all numbers, infinity too.
     return f"abs({one.sql}) <= {_LARGEST!r}" if one.kind == "number" else f"{one.sql} IS NOT NULL"

@@ -15,7 +15,7 @@ from typing import Any
 
 from app.map.picture import slope_map
 from app.map.style.names import LABEL_FONTS, Names, labels, waters
-from app.map.style.scale import SIGMA, ColourScale, Expression, Shown
+from app.map.style.scale import SIGMA, ColourScale, Expression, Shown, linear
 from app.map.style.signs import UPHILL
 
 SOURCE, LAYER = "slopes", "segments"
@@ -208,9 +208,9 @@ def _figures(theme: Theme, shown: Shown) -> dict[str, Any]:
             "symbol-sort-key": ["-", 0, shown.figure],
             "text-field": text,
             "text-font": LABEL_FONTS,
-            "text-size": _linear(15, 10, 19, 14),
+            "text-size": linear(15, 10, 19, 14),
             # Beside the widest line, and clear of the arrow on it.
-            "text-offset": _linear(15, ["literal", [0, 1.6]], 19, ["literal", [0, 1.9]]),
+            "text-offset": linear(15, ["literal", [0, 1.6]], 19, ["literal", [0, 1.9]]),
             "text-padding": 4,
             "text-max-angle": 30,
         },
@@ -233,10 +233,6 @@ def _certainty() -> Expression:
     narrowest = slope_map.UNSURE_WIDTH_PT / slope_map.SURE_WIDTH_PT
     sure, unsure = math.log(slope_map.SURE_SIGMA_PERCENT), math.log(slope_map.UNSURE_SIGMA_PERCENT)
     return ["interpolate", ["linear"], ["ln", ["max", SIGMA, 1e-3]], sure, 1, unsure, narrowest]
-
-
-def _linear(*zooms_and_values: Any) -> Expression:
-    return ["interpolate", ["linear"], ["zoom"], *zooms_and_values]
 
 
 def _by_zoom(values: list[Any]) -> Expression:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from app.map.style.scale import Expression
+from app.map.style.scale import Expression, linear
 
 NAMES = "names"
 """The source in the style."""
@@ -37,7 +37,7 @@ class Names:
 def waters(colours: Names) -> dict[str, Any]:
     """Lines of waters with a name, below all roads."""
     wide: Expression = ["match", ["get", "kind"], "river", 2.0, "canal", 1.4, 1.0]
-    widths = _by_zoom(9, ["*", 0.5, wide], 13, wide, 18, ["*", 4, wide])
+    widths = linear(9, ["*", 0.5, wide], 13, wide, 18, ["*", 4, wide])
     paint = {"line-color": colours.stream, "line-width": widths}
     return _layer("water", "line", "water", {"line-cap": "round", "line-join": "round"}, paint, minzoom=9)
 
@@ -53,8 +53,8 @@ def _street_names(colours: Names) -> dict[str, Any]:
         "symbol-spacing": 300,
         "symbol-sort-key": ["get", "rank"],
         "text-field": ["get", "name"],
-        "text-size": _by_zoom(13, 10, 16, 11.5, 19, 14),
-        "text-offset": _by_zoom(
+        "text-size": linear(13, 10, 16, 11.5, 19, 14),
+        "text-offset": linear(
             13, ["literal", [0, -0.9]], 16, ["literal", [0, -1.3]], 19, ["literal", [0, -1.6]]
         ),
         "text-padding": 3,
@@ -69,7 +69,7 @@ def _numbers(colours: Names) -> dict[str, Any]:
         "symbol-placement": "line",
         "symbol-spacing": 400,
         "text-field": ["get", "ref"],
-        "text-size": _by_zoom(9, 9.5, 16, 12),
+        "text-size": linear(9, 9.5, 16, 12),
         "text-rotation-alignment": "viewport",
         "text-padding": 10,
     }
@@ -85,7 +85,7 @@ def _water_names(colours: Names) -> dict[str, Any]:
         "symbol-placement": "line",
         "symbol-spacing": 350,
         "text-field": ["get", "name"],
-        "text-size": _by_zoom(11, 9.5, 16, 12),
+        "text-size": linear(11, 9.5, 16, 12),
         "text-letter-spacing": 0.08,
         "text-max-angle": 30,
     }
@@ -96,7 +96,7 @@ def _places(colours: Names) -> dict[str, Any]:
     ranks = [part for kind, rank in PLACE_RANKS.items() for part in (kind, rank)]
     rank: Expression = ["match", ["get", "kind"], *ranks, 9]
     sizes = {4: (12, 10, 10, 10), 10: (16, 13, 10, 10), 14: (20, 16, 13, 11)}
-    size = _by_zoom(
+    size = linear(
         *(
             part
             for zoom, (city, town, village, rest) in sizes.items()
@@ -128,7 +128,3 @@ def _layer(
 ) -> dict[str, Any]:
     where = {"id": name, "type": kind, "source": NAMES, "source-layer": of}
     return {**where, **more, "layout": layout, "paint": paint}
-
-
-def _by_zoom(*zooms_and_values: Any) -> Expression:
-    return ["interpolate", ["linear"], ["zoom"], *zooms_and_values]

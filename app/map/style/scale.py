@@ -113,3 +113,8 @@ SHOWN = {
         _BOTH, _DIFFERENCE, _DIFFERENCE, None, None, True, widths_tell=True, singles_only=True
     ),
 }
+
+
+def linear(*zooms_and_values: Any) -> Expression:
+    """Between the values at these zooms."""
+    return ["interpolate", ["linear"], ["zoom"], *zooms_and_values]

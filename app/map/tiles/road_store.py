@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -155,7 +156,7 @@ def state_question(at: Place) -> tuple[str, Mapping[str, Any]]:
 
 def roads_of(at: Place, rows: Rows) -> Roads:
     """What the roads of a tile are encoded as; ``rows``: as the database has them."""
-    columns: Any = list(zip(*sorted(rows, key=_by_id), strict=True)) or [()] * 7
+    columns: Any = list(zip(*sorted(rows, key=itemgetter(0)), strict=True)) or [()] * 7
     shown, ends = encoding.clipped(_units(at, lines(columns[1])))
     highways, highway = np.unique(np.array(columns[2], object).astype(str), return_inverse=True)
     dem = np.array(columns[6], float)  # None becomes NaN
@@ -176,10 +177,6 @@ def roads_of(at: Place, rows: Rows) -> Roads:
     ids, codes = np.array(columns[0], np.int64)[shown], codes[:, shown]
     narrow = np.int16 if values.count < np.iinfo(np.int16).max else np.int32
     return Roads(ids, ends.astype(np.int16), codes.astype(narrow), values)
-
-
-def _by_id(row: tuple[Any, ...]) -> int:
-    return int(row[0])
 
 
 def _units(at: Place, line_3857: Floats) -> Floats:

@@ -29,8 +29,7 @@ from app.batch.bringing import (
     bring,
     take_back,
 )
-from app.batch.errors import BatchError
-from app.batch.folder import BatchFolder
+from app.batch.folder import BatchError, BatchFolder
 from app.batch.run import Request, run
 from app.cli import app
 from app.core.db import Sessions

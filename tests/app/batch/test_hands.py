@@ -13,7 +13,7 @@ from pathlib import Path
 import cloudpickle
 import pytest
 
-from app.batch.errors import BatchError
+from app.batch.folder import BatchError
 from app.batch.hands import DEATHS, Hands, hands
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])

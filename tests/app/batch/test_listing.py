@@ -8,9 +8,9 @@ from pathlib import Path
 import fsspec
 import pytest
 
-from app.batch.errors import BatchError
-from app.batch.listing import list_logs
-from app.batch.opened import digest, opened
+from app.batch.folder import BatchError
+from app.batch.listing import list_logs, opened
+from app.core.mirror import sha256_of
 
 
 def test_folders_zips_and_files_by_name_each_once(tmp_path: Path) -> None:
@@ -32,7 +32,7 @@ def test_folders_zips_and_files_by_name_each_once(tmp_path: Path) -> None:
     assert [log.size for log in logs[:3]] == [10, 5, 5]
     with opened(logs[0]) as path:
         assert (path.name, path.read_text()) == ("y.ubx", "deep/y.ubx")
-        assert len(digest(path)) == 64
+        assert len(sha256_of(path)) == 64
     assert not path.exists(), "a copy lasts as long as it is read"
 
 

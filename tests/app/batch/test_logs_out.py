@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from app.access.store import create_owner
-from app.batch.errors import BatchError
+from app.batch.folder import BatchError
 from app.batch.listing import list_logs
 from app.batch.logs_out import LIST, Exported, export_logs
 from app.cli import app

@@ -13,8 +13,7 @@ import pytest
 
 from app.batch.folder import BatchFolder
 from app.batch.hands import Hands
-from app.batch.outputs import formats_of_segments, write_outputs
-from app.batch.source import SolvedSource
+from app.batch.outputs import SolvedSource, formats_of_segments, write_outputs
 from app.cli.logs.fusing import Fusion
 from fusion.pipeline import parse_options
 from fusion.roads.osm import read_roads

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from app.embedded.account import Account
+from app.embedded.cluster import FileLock
 from app.embedded.errors import EmbeddedPostgresError
-from app.embedded.locks import FileLock
 
 OURSELVES = Account(None, None)
 

@@ -14,15 +14,14 @@ from sqlalchemy.orm import Session
 
 from app.core.db import Sessions
 from app.core.settings.places import libpq_url
-from app.jobs.computations import Liveness, charge_dead, forget_gone
-from app.jobs.signs import Signs
+from app.jobs.computations import Liveness, Signs, charge_dead, forget_gone
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 _PROGRAM = """
 import sys, time
 from pathlib import Path
 from app.core.db import make_engine, session_factory
-from app.jobs.signs import Signs
+from app.jobs.computations import Signs
 from app.jobs.computations import Liveness
 signs = Signs(Path(sys.argv[3]))
 signs.begin()

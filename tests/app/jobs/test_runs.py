@@ -15,10 +15,9 @@ from sqlalchemy.exc import OperationalError
 
 from app.core.db import Sessions, make_engine
 from app.jobs import runs
-from app.jobs.computations import Liveness
+from app.jobs.computations import Liveness, Signs
 from app.jobs.connector import EngineConnector
 from app.jobs.runs import LEEWAY_S, LONGEST_PAUSE_S, MAX_DEATHS, Runs, make_queue
-from app.jobs.signs import Signs
 from app.jobs.task import Interrupted, Kind, Task, Work, add_job
 from fusion.errors import FusionError
 

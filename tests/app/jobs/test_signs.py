@@ -14,15 +14,15 @@ from pathlib import Path
 import pytest
 
 from app.core.claims import process_name
-from app.jobs import signs as files
-from app.jobs.signs import FORGOTTEN_AFTER_S, Signs
+from app.jobs import computations as files
+from app.jobs.computations import FORGOTTEN_AFTER_S, Signs
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 _PROGRAM = """
 import sys, time
 from pathlib import Path
 from app.core.claims import process_name
-from app.jobs.signs import Signs
+from app.jobs.computations import Signs
 signs = Signs(Path(sys.argv[1]))
 signs.begin()
 if sys.argv[2] == "ends":

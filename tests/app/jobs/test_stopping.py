@@ -15,8 +15,7 @@ from sqlalchemy import text
 
 from app.core.db import Sessions
 from app.core.settings import Settings
-from app.jobs.computations import charge_dead
-from app.jobs.signs import Signs
+from app.jobs.computations import Signs, charge_dead
 from app.jobs.task import Kind, add_job
 from app.jobs.worker import SIGNS
 from job_worker import LOCK

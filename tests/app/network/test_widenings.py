@@ -13,10 +13,17 @@ import pytest
 from sqlalchemy import text
 
 from app.core.db import Sessions
-from app.network.repeats import DEVICE_CLASS, pairs_of, read_repeats
 from app.network.settle import settle_network
 from app.network.swap import solve_all_marked
-from app.network.widenings import device_classes, learn, repeat_rows, reset
+from app.network.widenings import (
+    DEVICE_CLASS,
+    device_classes,
+    learn,
+    pairs_of,
+    read_repeats,
+    repeat_rows,
+    reset,
+)
 from condensed_support import assert_sums_hold
 from fusion.network import repeats as learned
 from fusion.roads.table import RoadTable

@@ -22,7 +22,7 @@ from app.map import figures
 from app.map.derived.following import follow_all
 from app.releases.files import publish_files
 from app.releases.keeping import copy_files, folder_key, keep_files
-from app.releases.privacy import privacy_of
+from app.releases.routes import privacy_of
 from app.releases.store import Edition, list_editions
 from edition_support import add_edition, edition_sessions
 from fusion.types import no_progress

@@ -20,7 +20,7 @@ from app.core.blobs import BlobStore
 from app.core.db import Sessions
 from app.core.settings import Settings
 from app.drives.documents import Drive
-from app.jobs.signs import SIGNS, Signs
+from app.jobs.computations import SIGNS, Signs
 from app.terrain.imports import import_dem
 from app.upkeep import doctor, store
 from app.upkeep.doctor import Finding, Patient, examine

@@ -11,8 +11,7 @@ import pytest
 
 from app.cli.client import Client, ClientError
 from app.cli.uploads import delivering
-from app.cli.uploads.delivering import deliver
-from app.cli.uploads.patience import MOST_TRIES, ends_all, patiently
+from app.cli.uploads.delivering import MOST_TRIES, deliver, ends_all, patiently
 from ride_archive import FIRST, csv_ride
 
 DATA = csv_ride(FIRST)
@@ -43,7 +42,7 @@ class Broken(httpx.HTTPTransport):
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(delivering, "IN_PARTS_BYTES", 100)
     monkeypatch.setattr(delivering, "PART_BYTES", 100)
-    monkeypatch.setattr("app.cli.uploads.patience.FIRST_PAUSE_S", 0.0)
+    monkeypatch.setattr("app.cli.uploads.delivering.FIRST_PAUSE_S", 0.0)
 
 
 def test_a_large_file_goes_in_parts_over_a_network_that_breaks(web: Any, tmp_path: Path) -> None:

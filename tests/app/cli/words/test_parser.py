@@ -13,7 +13,7 @@ import pytest
 import typer
 
 import app.cli
-from app.cli.drives import drives
+from app.cli.drives.look import drives
 from app.cli.words.parser import in_words, paragraphs, usage_in_words
 from fusion.messages import TERMS, catalogue
 from source_tree import REPOSITORY

@@ -18,9 +18,8 @@ from app.drives import intake, queue
 from app.drives import store as drives
 from app.drives.live import store
 from app.drives.live.closing import Closer
-from app.drives.live.cutting import cut
+from app.drives.live.cutting import cut, log_of
 from app.drives.live.points import US
-from app.drives.live.writing import log_of
 from live_senders import osmand, overland, way
 from live_support import Live, close, expected, logs, silent
 from many_drives import rows

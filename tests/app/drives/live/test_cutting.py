@@ -5,9 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.drives.live.cutting import GAP_M, Piece, cut, distance_m
+from app.drives.live.cutting import GAP_M, Piece, cut, distance_m, filename_of, log_of, merged, points_in
 from app.drives.live.points import LIMITS, US, LivePoint
-from app.drives.live.writing import filename_of, log_of, merged, points_in
 from fusion.formats.versant_csv import COLUMNS
 from live_senders import BEGAN_S, way
 

@@ -18,7 +18,7 @@ from access_support import Holder, Keyed
 from app.core.caller import Caller, as_caller
 from app.core.http import Service
 from app.drives.person import archive
-from app.drives.person.zip_stream import PIECE_BYTES, ZipStream
+from app.drives.person.archive import PIECE_BYTES, ZipStream
 from many_drives import execute, make_drives, rows
 from person_support import NAME, Anna
 from problem_support import check

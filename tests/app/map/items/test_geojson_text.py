@@ -17,7 +17,7 @@ from app.map.items.collections import COLLECTIONS, SEGMENTS, Property
 from app.map.items.places import CRS84, CRSS, EPSG3857
 from app.map.items.request import parse_item
 from app.map.items.store import one
-from app.map.items.writing import feature_sql, value_sql
+from app.map.items.writing import _joined, _value, feature_sql
 from app.map.segment import COLUMNS, PROPERTIES
 from items_support import Items, N
 
@@ -61,20 +61,19 @@ numbers = st.floats() | st.builds(
 @settings(max_examples=30)
 @given(values=st.lists(numbers | st.none(), min_size=20, max_size=20), digits=st.integers(0, 7))
 def test_numbers_are_rounded_alike(items: Items, values: list[float | None], digits: int) -> None:
-    pieces = ", ',', ".join(
-        value_sql(
-            Property(
-                f"CAST(%(v{n})s AS float8)",
-                "double",
-                digits,
-                name=f"v{n}",
-                title="",
-                description="",
-                nullable=True,
-            )
+    properties = [
+        Property(
+            f"CAST(%(v{n})s AS float8)",
+            "double",
+            digits,
+            name=f"v{n}",
+            title="",
+            description="",
+            nullable=True,
         )
         for n in range(len(values))
-    )
+    ]
+    pieces = ", ',', ".join(", ".join(_joined(_value(one, None))) for one in properties)
     with items.sessions() as session:
         statement = f"SELECT concat('[', {pieces}, ']')"
         ((text,),) = fetch_binary(session, statement, {f"v{n}": value for n, value in enumerate(values)})
