@@ -28,10 +28,8 @@ the point, and not the same picture.
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import tempfile
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -49,12 +47,13 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.map.derived import following
 from app.map.derived.following import LONG_S, follow_all
 from app.network.cells import raise_versions
+from arguments import REPOSITORY, parser_of
 from served.clients import Asked, Rates, ask, tags_of
 from served.million import fill
 from served.servers import PROPERTIES, SCHEMA, bare, make_flat, tipg
 from service.processes import Service
+from watching import repeated
 
-HERE = Path(__file__).resolve().parents[1]
 ZOOMS = (14, 12, 10)
 TILES = {14: 400, 12: 120, 10: 24}
 """Tiles asked for, at most."""
@@ -110,24 +109,17 @@ def tiles_to_ask(sessions: Sessions) -> dict[int, list[tuple[int, int, float]]]:
 @contextmanager
 def published_each_second(sessions: Sessions) -> Iterator[None]:
     """One drive's slopes after the other."""
-    ended = threading.Event()
+    rng = np.random.default_rng(1)
+    with sessions() as session:
+        last = session.execute(_LAST).scalar_one()
 
     def publish() -> None:
-        rng = np.random.default_rng(1)
-        with sessions() as session:
-            last = session.execute(_LAST).scalar_one()
-        while not ended.wait(1.0):
-            with sessions.begin() as session:
-                cells = session.execute(_SOMEWHERE, {"id": int(rng.integers(last))}).scalars().all()
-                raise_versions(session, cells)
+        with sessions.begin() as session:
+            cells = session.execute(_SOMEWHERE, {"id": int(rng.integers(last))}).scalars().all()
+            raise_versions(session, cells)
 
-    thread = threading.Thread(target=publish)
-    thread.start()
-    try:
+    with repeated(publish, 1.0):
         yield
-    finally:
-        ended.set()
-        thread.join()
 
 
 class Setup:
@@ -220,7 +212,7 @@ def servers(cluster: EmbeddedPostgres, folder: Path, python: Path, seconds: floa
     """All of them, until the block ends."""
     dsn = libpq_url(cluster.url_of("million"))
     engine = make_engine(cluster.url_of("million"))
-    service = Service(HERE, dsn, folder / "data")
+    service = Service(REPOSITORY, dsn, folder / "data")
     with ExitStack() as running:
         running.callback(engine.dispose)
         running.enter_context(tipg(python, dsn, PORT))
@@ -314,7 +306,7 @@ def report(figures: dict[str, Any], density: Mapping[int, float]) -> None:
 
 def main() -> None:
     """Measure, print a table, write JSON."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser = parser_of(__doc__)
     parser.add_argument("file", type=Path, help="road map: .osm.pbf, .osm or .osm.gz")
     parser.add_argument("--tipg", type=Path, required=True, help="interpreter of an environment with tipg")
     parser.add_argument("--segments", type=int, default=1_000_000)
@@ -323,7 +315,6 @@ def main() -> None:
     parser.add_argument(
         "--keep", type=Path, help="keep the database in this folder, and use it if it is there"
     )
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
     chosen = parser.parse_args()
     with ExitStack() as open_:
         folder = chosen.keep or Path(

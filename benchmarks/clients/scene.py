@@ -26,11 +26,11 @@ from app.network.marks import MarkedBy
 from app.network.swap import solve_all_marked
 from app.roads import store as road_store
 from app.roads.imports import import_roads
+from arguments import REPOSITORY
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints, SegmentSlope
 from service.processes import Service
 
-HERE = Path(__file__).resolve().parents[2]
 START_S = 1_700_000_000.0
 APART_S = 7200.0
 DRIVES = 6
@@ -65,7 +65,7 @@ def scene(roads: Path) -> Iterator[Scene]:
         fill(sessions)
         engine.dispose()
         show_progress("")
-        service = Service(HERE, libpq_url(cluster.url), folder / "data")
+        service = Service(REPOSITORY, libpq_url(cluster.url), folder / "data")
         with service.started("api", "--port", str(service.port)):
             service.await_ready()
             yield Scene(service.address, service.url, service)

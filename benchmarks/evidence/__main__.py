@@ -12,7 +12,6 @@ appended, one that is condensed, and a rejection. ``--recent`` tries another num
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -35,6 +34,7 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.network import condensed, extracts, passes, solve, swap
 from app.roads import imports as roads
 from app.roads.documents import USUAL, Source
+from arguments import parser_of
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
@@ -244,13 +244,10 @@ def sizes(street: Street) -> dict[str, float]:
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--most", type=int, default=1000, help="passes over each segment")
     parser.add_argument("--without", type=int, default=300, help="up to so many also without sums")
     parser.add_argument("--recent", type=int, default=condensed.RECENT_PASSES)
-    parser.add_argument("--json", type=Path, help="write the figures to this file as well")
     args = parser.parse_args()
     condensed.RECENT_PASSES = args.recent
     table = the_street()

@@ -38,13 +38,13 @@ from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from app.map import figures
+from arguments import REPOSITORY, parser_of
 from growth import made
 from growth.asked import Asked, box_of
 from service.logs import make_logs
 from service.processes import Service
 
-HERE = Path(__file__).resolve().parents[2]
-MAPS = HERE.parent / "shared/data/maps"
+MAPS = REPOSITORY.parent / "shared/data/maps"
 ALONE = 3
 """Drives that are published and removed in each round."""
 Times = dict[str, list[float]]
@@ -52,9 +52,7 @@ Times = dict[str, list[float]]
 
 def main() -> None:
     """Parse the command line, make, ask, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--roads", type=Path, default=MAPS / "heidelberg-2024-09.test.osm.pbf")
     parser.add_argument("--region", type=Path, default=MAPS / "liechtenstein-2015-07.osm.pbf")
     parser.add_argument("--segments", default="1000000,10000000")
@@ -62,7 +60,6 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=40)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--keep", type=Path)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     counts = [int(count) for count in args.segments.split(",")]
     with ExitStack() as stack:
@@ -111,7 +108,7 @@ def _made(
     """The service on a database of this size."""
     name = f"growth_{segments}"
     new = databases.ensure_database(cluster.url, name)
-    service = Service(HERE, libpq_url(cluster.url_of(name)), folder / name, threads=1)
+    service = Service(REPOSITORY, libpq_url(cluster.url_of(name)), folder / name, threads=1)
     service.command("migrate")
     if new:
         show_progress(f"{segments} segments: roads and drives")

@@ -32,13 +32,13 @@ from app.network.swap import solve_all_marked
 from app.releases.run import release
 from app.roads import store as road_store
 from app.roads.imports import import_roads
+from arguments import REPOSITORY
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from privacy.recording import Recorded
 from privacy.town import MONDAY_S, WEEK_S
 from service.processes import Service as Process
 
-HERE = Path(__file__).resolve().parents[2]
 ROADS = "privacy_roads"
 
 
@@ -105,7 +105,7 @@ class Service:
     def public(self, **settings: object) -> Iterator[httpx.Client]:
         """The service over HTTP, as a process of its own, as somebody without a key reaches it."""
         url = libpq_url(str(self.settings.database_url))
-        process = Process(HERE, url, self.settings.data_dir, threads=1)
+        process = Process(REPOSITORY, url, self.settings.data_dir, threads=1)
         asked = {f"VERSANT_{name.upper()}": str(value) for name, value in settings.items()}
         process.environment = {**process.environment, "VERSANT_ACCESS": "keys", **asked}
         with process.started("api", "--port", str(process.port)):

@@ -43,6 +43,7 @@ from app.exports.formats import FORMATS
 from app.exports.source import Source
 from app.exports.writing.road_courses import Course, Courses
 from app.exports.writing.sumo_net import add_heights, read_net, write_net
+from arguments import parser_of
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.osm import read_roads
@@ -84,12 +85,10 @@ def main() -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("map", type=Path)
     parser.add_argument("--programs", type=Path, default=Path(os.environ.get("SUMO_HOME", ".")))
-    for name in ("--relief", "--keep", "--json"):
+    for name in ("--relief", "--keep"):
         parser.add_argument(name, type=Path)
     for name, usual in (("--drives", 60), ("--minutes", 15), ("--trips", 300)):
         parser.add_argument(name, type=int, default=usual)

@@ -43,6 +43,7 @@ from app.batch.source import SolvedSource
 from app.cli.logs.fusing import Fusion
 from app.exports.formats import FORMATS
 from app.exports.source import Source
+from arguments import parser_of
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.osm import read_roads
@@ -126,11 +127,9 @@ def _one_scene(scene: Scene, folder: Path, asked: argparse.Namespace, seed: int)
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("map", type=Path)
-    for name in ("--programs", "--relief", "--keep", "--json"):
+    for name in ("--programs", "--relief", "--keep"):
         parser.add_argument(name, type=Path)
     for name, usual in (("--drives", 60), ("--minutes", 15), ("--routes", 200)):
         parser.add_argument(name, type=int, default=usual)

@@ -10,7 +10,6 @@ beside roads, all in one request. Aims: each query under 100 ms.
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import tempfile
@@ -32,6 +31,7 @@ from app.map.heights.store import roads_near
 from app.network.cells import raise_versions
 from app.ops.admin.queries import QUERIES
 from app.ops.admin.store import Parameters
+from arguments import parser_of
 
 READS = 11
 PLACES = 512
@@ -139,10 +139,9 @@ def fill(cluster: EmbeddedPostgres, drives: int, segments: int) -> None:
 
 def main() -> None:
     """Measure, print a table, write JSON."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--drives", type=int, default=100_000)
     parser.add_argument("--segments", type=int, default=1_000_000)
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
     chosen = parser.parse_args()
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,

@@ -11,7 +11,6 @@ On an embedded cluster, with simulated drives of ten minutes. ``--checkout``: th
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import threading
 import time
@@ -25,10 +24,10 @@ import psycopg
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
+from arguments import REPOSITORY, parser_of
 from fusion.simulate.demonstration import write_all
 from service.processes import Service
 
-HERE = Path(__file__).resolve().parents[2]
 LOOK_EVERY_S = 0.02
 SETTLES_S, WATCHED_S = 12.0, 30.0
 COLUMNS = {"what": ("", ""), "mean": ("mean", ".2f"), "most": ("most", ".0f"), "new_per_s": ("new/s", ".2f")}
@@ -100,11 +99,10 @@ def measured(service: Service, logs: list[bytes], lanes: int) -> list[Row]:
 
 def main() -> None:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--lanes", type=int, default=2)
     parser.add_argument("--drives", type=int, default=12)
-    parser.add_argument("--checkout", type=Path, default=HERE, help="whose service it is")
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--checkout", type=Path, default=REPOSITORY, help="whose service it is")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="versant-connections-") as name:
         folder = Path(name)

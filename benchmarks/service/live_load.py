@@ -49,10 +49,10 @@ from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.drives.live.closing import Closer
 from app.embedded.cluster import EmbeddedPostgres
+from arguments import REPOSITORY, parser_of
 from service.live_phones import PATIENCE_S, batch, make_keys, post
 from service.processes import Service
 
-HERE = Path(__file__).resolve().parents[2]
 AGAIN_S = 1.0
 AFTER_KILL_S = 10.0
 """For so long after a kill requests wait for the service to start, and count as disturbed."""
@@ -93,9 +93,7 @@ class Outcome:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run it and print what came."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--devices", type=int, default=10_000)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--points", type=int, default=12)
@@ -103,7 +101,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--apis", type=int, default=2)
     parser.add_argument("--kills", type=int, default=2)
     parser.add_argument("--closed", type=int, default=200)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args(argv)
     rows, outcome = on_a_cluster(args)
     show_progress("")
@@ -125,7 +122,7 @@ def on_a_cluster(args: argparse.Namespace) -> tuple[list[dict[str, Any]], Outcom
         tempfile.TemporaryDirectory(prefix="versant-live-") as name,
         EmbeddedPostgres(Path(name) / "cluster") as cluster,
     ):
-        service = Service(HERE, libpq_url(cluster.url), Path(name) / "data")
+        service = Service(REPOSITORY, libpq_url(cluster.url), Path(name) / "data")
         service.command("migrate")
         return measured(args, service, Path(name) / "data")
 

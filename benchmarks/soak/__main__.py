@@ -20,7 +20,6 @@ than 0.01 sigma from it once the service is settled too. Then the exit status is
 
 from __future__ import annotations
 
-import argparse
 import random
 import secrets
 import shutil
@@ -37,6 +36,7 @@ from typing import Any
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.db import make_engine, session_factory
 from app.network.settle import settle_network
+from arguments import parser_of
 from soak import judging
 from soak.acts import Actor, Client, Killer, Ledger, Operator
 from soak.disturbed import Disturbed, disturbed
@@ -90,9 +90,7 @@ class Result:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--seconds", type=float, default=LONG_S)
     parser.add_argument("--seed", type=int, default=secrets.randbelow(10_000), help="default: any")
     parser.add_argument("--logs", type=int, default=40)
@@ -100,7 +98,6 @@ def main() -> None:
         "--machines", type=int, default=1, help="with lanes; more than 1: PgBouncer, a standby, 3 APIs"
     )
     parser.add_argument("--keep", type=Path, metavar="DIR", help="an empty folder to work in, which stays")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     folder = args.keep or Path(tempfile.mkdtemp(prefix="versant-soak-"))
     folder.mkdir(parents=True, exist_ok=True)

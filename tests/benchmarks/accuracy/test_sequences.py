@@ -14,10 +14,10 @@ from accuracy.sequences import (
     folder_of,
     load_tool,
     make_log,
-    numbers,
     road_file,
     tool_beside,
 )
+from arguments import numbers
 
 SEQUENCES = {"00": "roads_00.osm", "09": "roads_09_10.osm", "10": "roads_09_10.osm"}
 """Sequence -> its roads: those that tests speak of. There may be any others beside them, today or tomorrow."""
