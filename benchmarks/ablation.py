@@ -31,6 +31,7 @@ from pathlib import Path
 
 import numpy as np
 
+from accuracy.arguments import data_parser_of
 from accuracy.bounds import ALL_SENSORS, AS_FITTED, RoadBound
 from accuracy.constants import CHANGES, Change, changed
 from accuracy.poor import RUNGS, poor_log, road_of
@@ -48,7 +49,6 @@ from accuracy.sequences import (
     tool_beside,
 )
 from app.cli.logs.fusing import Fusion
-from arguments import data_parser_of
 
 SENSORS = ("altitude", "doppler", "pitch", "force", "dem")
 LABELS = ("altitude alone", "+ Doppler", "+ pitch", "+ specific force", "+ DEM")

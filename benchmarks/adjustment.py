@@ -32,8 +32,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from accuracy.adjustment_drives import Synthetic
+from accuracy.arguments import HEIDELBERG, parser_of
 from accuracy.scoring import write_json
-from arguments import HEIDELBERG, parser_of
 from fusion.network.adjust import adjust
 from fusion.network.blockwise.partition import Partition, bisected
 from fusion.network.drive_constants import ConstantsInformation

@@ -34,11 +34,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from accuracy.arguments import parser_of
 from accuracy.calibration_tables import LEVELS, Cell, Draw, Ratio, gaussian_scale, show
 from accuracy.model_draws import FREEDOM, RATES, DrawnDrive, draw_drive
 from accuracy.road_draws import DrawnRoad, draw_road
 from accuracy.scoring import show_progress, write_json
-from arguments import parser_of
 from fusion.errors import FusionError
 from fusion.methods.base import DriveResult
 from fusion.network import drive_beliefs

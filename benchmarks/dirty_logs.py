@@ -32,6 +32,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
+from accuracy.arguments import data_parser_of, numbers, plain_errors
 from accuracy.dirt import KINDS, GrossErrors, Kind, Receiver, read_gross_errors, spoilt
 from accuracy.logs import read_columns, write_columns
 from accuracy.scoring import Errors, Row, figures, show_progress, text_table, write_json
@@ -46,7 +47,6 @@ from accuracy.sequences import (
     slopes_of,
     tool_beside,
 )
-from arguments import data_parser_of, numbers, plain_errors
 from fusion.registry import DEFAULT_METHOD
 
 CLEAN, TOGETHER = "clean", "all of these"

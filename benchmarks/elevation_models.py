@@ -36,6 +36,7 @@ import rasterio
 from rasterio import Affine
 from scipy.spatial import cKDTree
 
+from accuracy.arguments import data_parser_of, plain_errors
 from accuracy.logs import read_columns
 from accuracy.scoring import Errors, Row, figures, show_progress, text_table, write_json
 from accuracy.sequences import (
@@ -49,7 +50,6 @@ from accuracy.sequences import (
     slopes_of,
     tool_beside,
 )
-from arguments import data_parser_of, plain_errors
 from fusion.frames import METRES_PER_DEGREE
 from fusion.registry import DEFAULT_METHOD
 from fusion.simulate.write.dem_file import correlated_field

@@ -30,8 +30,8 @@ import numpy as np
 import scipy
 
 from accuracy.adjustment_drives import Synthetic
+from accuracy.arguments import add_roads, parser_of
 from adjustment import ROUTE_M, driven_rows, inside
-from arguments import add_roads, parser_of
 from fusion.filters.sparse_inverse import Elimination, NormalEquations, fill_reducing_order
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.equations import Blocks, right_hand_side

@@ -35,6 +35,7 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import data_parser_of, numbers, plain_errors
 from accuracy.bounds import AS_FITTED, RoadBound
 from accuracy.scoring import WHOLE_SHARE, Errors, Row, rms, show_progress, text_table, write_json
 from accuracy.sequences import (
@@ -51,7 +52,6 @@ from accuracy.sequences import (
     slopes_of,
     tool_beside,
 )
-from arguments import data_parser_of, numbers, plain_errors
 from fusion.registry import DEFAULT_METHOD
 from fusion.types import Floats
 

@@ -29,6 +29,7 @@ from types import ModuleType
 
 import numpy as np
 
+from accuracy.arguments import data_parser_of
 from accuracy.scoring import TWO_SIDED_95, Row, rms, show_progress, text_table, write_json
 from accuracy.sequences import (
     Slopes,
@@ -40,7 +41,6 @@ from accuracy.sequences import (
 )
 from accuracy.stretches import Stretch, find_stretches, grade_sigma_percent
 from app.cli.logs.fusing import FusedLog, Fusion
-from arguments import data_parser_of
 from fusion.errors import FusionError
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD

@@ -40,8 +40,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import write_json
-from arguments import parser_of
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.samples import DriveSamples, thin
 from fusion.published.matchers import MATCHERS

@@ -32,8 +32,8 @@ from pathlib import Path
 
 import numba
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import write_json
-from arguments import parser_of
 from fusion.formats import read_log
 from fusion.published.nine_state.protocol import EpochFilter
 from fusion.published.nine_state.run import DriveRun

@@ -41,6 +41,7 @@ from types import ModuleType
 import numpy as np
 
 from accuracy import filtered
+from accuracy.arguments import data_parser_of, plain_errors
 from accuracy.logs import POSITIONS, only, with_barometer, write_columns
 from accuracy.poor import RUNGS, Rung, poor_log, road_of
 from accuracy.scoring import (
@@ -63,7 +64,6 @@ from accuracy.sequences import (
     tool_beside,
 )
 from accuracy.streets import drive_along, make_hills, truth_of
-from arguments import data_parser_of, plain_errors
 from fusion.registry import DEFAULT_METHOD
 from fusion.simulate.write.csv_file import csv_columns
 

@@ -42,9 +42,9 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import add_roads, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.embedded.cluster import EmbeddedPostgres
-from arguments import add_roads, parser_of
 from privacy.attacks import (
     Editions,
     Names,

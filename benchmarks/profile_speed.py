@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import write_json
-from arguments import parser_of
 from fusion.frames import GRAVITY_MPS2, LocalProjection
 from fusion.pipeline import run_drive
 from fusion.roads.osm import read_roads

@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import write_json
-from arguments import parser_of
 from fusion.catalogue import SOLVERS
 from fusion.formats import read_logs
 from fusion.frames import geodetic

@@ -39,11 +39,11 @@ from pathlib import Path
 
 import psycopg
 
+from accuracy.arguments import REPOSITORY, add_roads, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
-from arguments import REPOSITORY, add_roads, parser_of
 from service.logs import make_logs
 from service.processes import Service
 from service.processor import used_s

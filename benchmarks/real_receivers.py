@@ -24,6 +24,7 @@ from types import ModuleType
 
 import numpy as np
 
+from accuracy.arguments import data_parser_of, plain_errors
 from accuracy.logs import outside_blocks, read_columns, rows_of, write_columns
 from accuracy.scoring import Errors, Row, figures, rms, show_progress, text_table, write_json
 from accuracy.sequences import (
@@ -36,7 +37,6 @@ from accuracy.sequences import (
     make_log,
     tool_beside,
 )
-from arguments import data_parser_of, plain_errors
 from fusion.registry import DEFAULT_METHOD
 
 FOLDERS = ("nagoya", "comma2k19")

@@ -31,11 +31,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
+from accuracy.arguments import data_parser_of, plain_errors
 from accuracy.logs import drop_columns
 from accuracy.scoring import Row, show_progress, text_table, write_json
 from accuracy.sequences import folder_of, load_tool, quietly, tool_beside
 from app.cli.logs.fusing import Fusion
-from arguments import data_parser_of, plain_errors
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.osm import read_roads

@@ -34,8 +34,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import write_json
-from arguments import REPOSITORY, parser_of
 
 ROADS = ("09", "10")
 METHODS = (

@@ -24,8 +24,8 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, write_json
-from arguments import parser_of
 from fusion.errors import FusionError
 from published.rows import Row, by_experiment, markdown_table, side_by_side, text_table
 

@@ -39,6 +39,7 @@ from typing import Any
 import numpy as np
 from sqlalchemy import text
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, write_json
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
@@ -47,12 +48,11 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.map.derived import following
 from app.map.derived.following import LONG_S, follow_all
 from app.network.cells import raise_versions
-from arguments import REPOSITORY, parser_of
 from served.clients import Asked, Rates, ask, tags_of
 from served.million import fill
 from served.servers import PROPERTIES, SCHEMA, bare, make_flat, tipg
 from service.processes import Service
-from watching import repeated
+from service.watching import repeated
 
 ZOOMS = (14, 12, 10)
 TILES = {14: 400, 12: 120, 10: 24}

@@ -33,6 +33,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
+from accuracy.arguments import data_parser_of, numbers, plain_errors
 from accuracy.scoring import (
     LENGTH_COLUMNS,
     Errors,
@@ -53,7 +54,6 @@ from accuracy.sequences import (
     make_log,
     tool_beside,
 )
-from arguments import data_parser_of, numbers, plain_errors
 from fusion.registry import DEFAULT_METHOD
 
 BASELINES = ("raw", "dem")

@@ -35,8 +35,8 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import text_table, write_json
-from arguments import parser_of
 from fusion.catalogue import ERROR_MODELS, SOLVERS
 from fusion.gnss.error_models.base import Series, share_within
 from fusion.gnss.measurements import Aids, Measurements

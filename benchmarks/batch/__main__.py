@@ -36,13 +36,13 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 
+from accuracy.arguments import add_roads, parser_of
 from accuracy.scoring import write_json
 from app.batch.folder import BatchFolder
 from app.batch.hands import hands
 from app.batch.run import Request, run
 from app.cli.logs.fusing import Fusion
 from app.cli.logs.named import LogFiles
-from arguments import add_roads, parser_of
 from batch.logs import make_broken, make_log
 from batch.runs import bytes_of, cut_off, timed, with_kills, without_scheduler
 from fusion.pipeline import parse_options

@@ -23,9 +23,9 @@ import shapely
 from pyproj import Transformer
 
 import fusion
+from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, write_json
 from app.embedded.cluster import EmbeddedPostgres
-from arguments import parser_of
 from fusion.roads.table import RoadTable
 
 GUIDE = Path(__file__).parents[2] / "docs" / "how-to" / "join-slopes.md"

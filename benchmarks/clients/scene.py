@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from accuracy.arguments import REPOSITORY
 from accuracy.scoring import show_progress
 from app.core import migrate
 from app.core.blobs import BlobStore
@@ -26,7 +27,6 @@ from app.network.marks import MarkedBy
 from app.network.swap import solve_all_marked
 from app.roads import store as road_store
 from app.roads.imports import import_roads
-from arguments import REPOSITORY
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints, SegmentSlope
 from service.processes import Service

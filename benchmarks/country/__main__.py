@@ -30,8 +30,8 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import add_roads, parser_of
 from accuracy.scoring import write_json
-from arguments import add_roads, parser_of
 from country.made import Country, PassFiles, make_drives, town
 from fusion.network.adjust import adjust, adjust_from
 from fusion.network.blockwise.partition import Partition, bisected
@@ -39,7 +39,7 @@ from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
-from watching import pages_kb, repeated
+from service.watching import pages_kb, repeated
 
 SAMPLE_S = 0.25
 THREADS = ("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "OMP_NUM_THREADS")

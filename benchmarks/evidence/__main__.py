@@ -26,6 +26,7 @@ import numpy as np
 from sqlalchemy import Engine, text
 
 from accuracy.adjustment_drives import Synthetic
+from accuracy.arguments import parser_of
 from accuracy.road_draws import PLANE, road_through
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases, migrate
@@ -34,7 +35,6 @@ from app.embedded.cluster import EmbeddedPostgres
 from app.network import condensed, extracts, passes, solve, swap
 from app.roads import imports as roads
 from app.roads.documents import USUAL, Source
-from arguments import parser_of
 from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
 from fusion.types import Ints

@@ -32,13 +32,13 @@ from pathlib import Path
 
 import httpx
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases
 from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from app.map import figures
-from arguments import REPOSITORY, parser_of
 from growth import made
 from growth.asked import Asked, box_of
 from service.logs import make_logs

@@ -46,8 +46,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
-from arguments import REPOSITORY, parser_of
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town, make_town
 from fusion.simulate.write.csv_file import write_csv

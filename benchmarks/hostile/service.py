@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from arguments import REPOSITORY
+from accuracy.arguments import REPOSITORY
 from hostile.well_behaved import request
-from watching import children, command_of, descendants, pss_mb, repeated
+from service.watching import children, command_of, descendants, pss_mb, repeated
 
 START_S, STOP_S = 180.0, 60.0
 LOOK_EVERY_S = 0.25

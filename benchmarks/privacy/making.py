@@ -20,11 +20,11 @@ from pathlib import Path
 
 from sqlalchemy import text
 
+from accuracy.arguments import add_roads, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.caller import EDITION, TOLD
 from app.embedded.cluster import EmbeddedPostgres
 from app.releases.run import in_words, release
-from arguments import add_roads, parser_of
 from privacy.city import City
 from privacy.recording import Recorder
 from privacy.service import Server, Service

@@ -15,6 +15,7 @@ import psycopg
 from psycopg import sql
 from sqlalchemy import make_url
 
+from accuracy.arguments import REPOSITORY
 from app.access.store import create_owner
 from app.core import databases, migrate
 from app.core.blobs import BlobStore
@@ -32,7 +33,6 @@ from app.network.swap import solve_all_marked
 from app.releases.run import release
 from app.roads import store as road_store
 from app.roads.imports import import_roads
-from arguments import REPOSITORY
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from privacy.recording import Recorded

@@ -36,6 +36,7 @@ import osmium
 import rasterio
 from affine import Affine
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import rms, show_progress, text_table, write_json
 from app.batch.source import SolvedSource
 from app.cli.logs.fusing import Fusion
@@ -43,7 +44,6 @@ from app.exports.formats import FORMATS
 from app.exports.source import Source
 from app.exports.writing.road_courses import Course, Courses
 from app.exports.writing.sumo_net import add_heights, read_net, write_net
-from arguments import parser_of
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.osm import read_roads

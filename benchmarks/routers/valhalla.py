@@ -38,12 +38,12 @@ from typing import Any, cast
 
 import numpy as np
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.batch.source import SolvedSource
 from app.cli.logs.fusing import Fusion
 from app.exports.formats import FORMATS
 from app.exports.source import Source
-from arguments import parser_of
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.osm import read_roads

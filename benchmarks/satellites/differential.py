@@ -26,8 +26,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, text_table, write_json
-from arguments import parser_of
 from fusion.arrays import nearest
 from fusion.frames import local_axes
 from fusion.gnss.measurements import Solution

@@ -37,8 +37,8 @@ from typing import Any
 import numpy as np
 import pyrtklib
 
+from accuracy.arguments import data_parser_of
 from accuracy.scoring import Row, rms, show_progress, text_table, write_json
-from arguments import data_parser_of
 from fusion.gnss.orbits.glonass import glonass_states
 from fusion.gnss.orbits.kepler import kepler_states
 from fusion.gnss.orbits.satellites import LIMIT_S, states_at

@@ -21,6 +21,7 @@ import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import write_json
 from app.core import databases, migrate
 from app.core.db import Sessions, make_engine, session_factory
@@ -31,7 +32,6 @@ from app.map.heights.store import roads_near
 from app.network.cells import raise_versions
 from app.ops.admin.queries import QUERIES
 from app.ops.admin.store import Parameters
-from arguments import parser_of
 
 READS = 11
 PLACES = 512

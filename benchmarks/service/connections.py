@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 import psycopg
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
-from arguments import REPOSITORY, parser_of
 from fusion.simulate.demonstration import write_all
 from service.processes import Service
 

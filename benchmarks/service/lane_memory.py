@@ -26,16 +26,16 @@ from pathlib import Path
 
 import psycopg
 
+from accuracy.arguments import ELEVATIONS, REPOSITORY, add_roads, parser_of
 from accuracy.logs import write_columns
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
-from arguments import ELEVATIONS, REPOSITORY, add_roads, parser_of
 from fusion.roads.osm import read_roads
 from profile_speed import record
 from service.logs import APART_S, HOURS, columns_of
 from service.processes import Service
-from watching import children, command_of, pages_kb, repeated
+from service.watching import children, command_of, pages_kb, repeated
 
 LOOK_EVERY_S = 0.25
 AT_REST_S = 10.0

@@ -42,6 +42,7 @@ from typing import Any
 import numpy as np
 import psycopg
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.blobs import BlobStore
 from app.core.db import make_engine, session_factory
@@ -49,7 +50,6 @@ from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.drives.live.closing import Closer
 from app.embedded.cluster import EmbeddedPostgres
-from arguments import REPOSITORY, parser_of
 from service.live_phones import PATIENCE_S, batch, make_keys, post
 from service.processes import Service
 

@@ -47,17 +47,17 @@ from typing import Any
 import osmium
 import psycopg
 
+from accuracy.arguments import REPOSITORY, add_roads, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
-from arguments import REPOSITORY, add_roads, parser_of
 from service.crowd import Asked, ask_and_leave, following
 from service.logs import make_logs
 from service.memory import watched
 from service.probing import Answers, probing
 from service.processes import Service
-from watching import repeated
+from service.watching import repeated
 
 FILLED = "filled"
 REGION = "load"

@@ -32,10 +32,10 @@ import httpx
 import numpy as np
 import psycopg
 
+from accuracy.arguments import ELEVATIONS, REPOSITORY, add_roads, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
-from arguments import ELEVATIONS, REPOSITORY, add_roads, parser_of
 from fusion.filters import smoother
 from fusion.formats import read_log
 from fusion.network import pass_columns
@@ -48,7 +48,7 @@ from profile_speed import record
 from service.lane_memory import AT_REST_S, Lanes, await_lanes
 from service.lane_memory import LOOK_EVERY_S as LANES_EVERY_S
 from service.processes import Service
-from watching import repeated
+from service.watching import repeated
 
 LOOK_EVERY_S = 0.05
 PATIENCE_S = 3600.0

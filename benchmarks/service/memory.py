@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from watching import children, command_of, repeated
+from service.watching import children, command_of, repeated
 
 LOOK_EVERY_S = 0.1
 

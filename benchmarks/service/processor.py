@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from watching import children
+from service.watching import children
 
 _BETWEEN, _COUNT = 11, 4
 """Of the fields of ``/proc/PID/stat`` behind the name: those before the times, and user and system time, of the process

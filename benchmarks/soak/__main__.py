@@ -33,10 +33,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.db import make_engine, session_factory
 from app.network.settle import settle_network
-from arguments import parser_of
 from soak import judging
 from soak.acts import Actor, Client, Killer, Ledger, Operator
 from soak.disturbed import Disturbed, disturbed

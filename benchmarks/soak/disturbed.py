@@ -20,6 +20,7 @@ from typing import Any, Protocol
 
 import psycopg
 
+from accuracy.arguments import REPOSITORY
 from app.cli.children import Child, Children, Watched, child_environment
 from app.cli.console import Console
 from app.cli.database import open_cluster
@@ -27,9 +28,8 @@ from app.cli.supervisor import DatabaseWatch, Service
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
-from arguments import REPOSITORY
+from service.watching import repeated
 from soak.servers import kill_server
-from watching import repeated
 
 WORKERS = 2
 HEARTBEAT_S, STALLED_S, PUBLISH_EVERY_S = 1.0, 5.0, 5.0

@@ -23,9 +23,9 @@ from app.core import migrate
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
+from service.watching import repeated
 from soak.disturbed import Diary, Disturbed, Parts, log_into, looked_after, short_waits
 from soak.servers import PgBouncer, find_pgbouncer, kill_server, make_primary, make_standby
-from watching import repeated
 
 LANES = 6
 """Of each machine."""

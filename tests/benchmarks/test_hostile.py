@@ -22,7 +22,7 @@ from hostile import __main__ as hostile
 from hostile import inputs
 from hostile.attempts import ATTACKS, Attack
 from hostile.well_behaved import Answer, Client, Served, longest_away, request, served
-from watching import descendants, pss_mb
+from service.watching import descendants, pss_mb
 
 
 class _Quick(BaseHTTPRequestHandler):

@@ -30,9 +30,9 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import write_json
 from accuracy.sequences import find_sequences, load_tool, make_log
-from arguments import parser_of
 from fusion.catalogue import METHODS
 from fusion.formats import read_log
 from fusion.pipeline import road_boxes

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from accuracy.arguments import numbers
 from accuracy.logs import read_columns
 from accuracy.sequences import (
     NOISE_FREE,
@@ -17,7 +18,6 @@ from accuracy.sequences import (
     road_file,
     tool_beside,
 )
-from arguments import numbers
 
 SEQUENCES = {"00": "roads_00.osm", "09": "roads_09_10.osm", "10": "roads_09_10.osm"}
 """Sequence -> its roads: those that tests speak of. There may be any others beside them, today or tomorrow."""

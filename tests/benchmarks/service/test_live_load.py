@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from accuracy.arguments import REPOSITORY
 from app.core.settings.places import libpq_url
-from arguments import REPOSITORY
 from service.live_load import Told, measured, rows_of
 from service.live_phones import batch
 from service.processes import Service

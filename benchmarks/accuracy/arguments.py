@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fusion.errors import FusionError
 
-REPOSITORY = Path(__file__).resolve().parents[1]
+REPOSITORY = Path(__file__).resolve().parents[2]
 SHARED = REPOSITORY.parent / "shared/data"
 HEIDELBERG = SHARED / "maps/heidelberg-2024-09.test.osm.pbf"
 ELEVATIONS = SHARED / "karlsruhe/N49E008.hgt"
