@@ -41,8 +41,7 @@ from sqlalchemy import text
 
 from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, write_json
-from app.core import databases, migrate
-from app.core.db import Sessions, make_engine, session_factory
+from app.core.db import Sessions
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from app.map.derived import following
@@ -51,6 +50,7 @@ from app.network.cells import raise_versions
 from served.clients import Asked, Rates, ask, tags_of
 from served.million import fill
 from served.servers import PROPERTIES, SCHEMA, bare, make_flat, tipg
+from service.databases import new_database, sessions_of
 from service.processes import Service
 from service.watching import repeated
 
@@ -211,17 +211,16 @@ def _box(zoom: int, x: int, y: int) -> str:
 def servers(cluster: EmbeddedPostgres, folder: Path, python: Path, seconds: float) -> Iterator[Setup]:
     """All of them, until the block ends."""
     dsn = libpq_url(cluster.url_of("million"))
-    engine = make_engine(cluster.url_of("million"))
     service = Service(REPOSITORY, dsn, folder / "data")
     with ExitStack() as running:
-        running.callback(engine.dispose)
+        sessions = running.enter_context(sessions_of(cluster.url_of("million")))
         running.enter_context(tipg(python, dsn, PORT))
         running.enter_context(bare(dsn, PORT + 1))
         running.enter_context(service.started("api", "--port", str(service.port)))
         running.enter_context(service.started("worker", "--concurrency", "1"))
         service.await_ready()
-        await_derived(session_factory(engine))
-        yield Setup(session_factory(engine), service.port, PORT, PORT + 1, seconds)
+        await_derived(sessions)
+        yield Setup(sessions, service.port, PORT, PORT + 1, seconds)
 
 
 def await_derived(sessions: Sessions) -> None:
@@ -235,20 +234,15 @@ def await_derived(sessions: Sessions) -> None:
 
 def fill_once(cluster: EmbeddedPostgres, roads: Path, folder: Path, segments: int) -> None:
     """Fill the database unless a run before has."""
-    url = cluster.url_of("million")
     if (folder / "filled").exists():
         return
-    databases.ensure_database(cluster.url, "million")
-    migrate.upgrade(url)
-    engine = make_engine(url)
-    sessions = session_factory(engine)
-    show_progress("filling the database")
-    fill(sessions, roads, folder, segments)
-    make_flat(sessions)
-    show_progress("deriving ways and what low zooms draw")
-    began = time.process_time()
-    follow_all(sessions)
-    engine.dispose()
+    with new_database(cluster, "million") as sessions:
+        show_progress("filling the database")
+        fill(sessions, roads, folder, segments)
+        make_flat(sessions)
+        show_progress("deriving ways and what low zooms draw")
+        began = time.process_time()
+        follow_all(sessions)
     print(f"derived in {time.process_time() - began:.0f} s of processor time, without the database's")
     (folder / "filled").touch()
 

@@ -35,12 +35,12 @@ import httpx
 from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases
-from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from app.map import figures
 from growth import made
 from growth.asked import Asked, box_of
+from service.databases import sessions_of
 from service.logs import make_logs
 from service.processes import Service
 
@@ -91,7 +91,7 @@ def main() -> None:
 
 def _sizes(service: Service) -> dict[str, int]:
     """Rows and bytes of a database, printed."""
-    with _sessions(service) as sessions:
+    with sessions_of(service.url) as sessions:
         rows, room = made.sizes(sessions), made.bytes_of_tables(sessions)
     print("\n" + ", ".join(f"{name} {value:,}" for name, value in rows.items()))
     print("MB: " + ", ".join(f"{name} {value / 1e6:.0f}" for name, value in room.items()))
@@ -117,18 +117,9 @@ def _made(
             for log in logs:
                 service.send(log)
             service.await_done()
-    with _sessions(service) as sessions:
+    with sessions_of(service.url) as sessions:
         made.grow(sessions, segments, round(segments * args.passes_each))
     return service
-
-
-@contextmanager
-def _sessions(service: Service) -> Iterator[Sessions]:
-    engine = make_engine(service.url)
-    try:
-        yield session_factory(engine)
-    finally:
-        engine.dispose()
 
 
 @contextmanager
@@ -142,7 +133,7 @@ def _running(service: Service) -> Iterator[None]:
 def _round(service: Service, times: Times, logs: list[bytes], region: Path) -> None:
     """Ask everything once."""
     with (
-        _sessions(service) as sessions,
+        sessions_of(service.url) as sessions,
         _running(service),
         httpx.Client(base_url=service.address, trust_env=False, timeout=600) as client,
     ):

@@ -23,8 +23,7 @@ from sqlalchemy.orm import Session
 
 from accuracy.arguments import parser_of
 from accuracy.scoring import write_json
-from app.core import databases, migrate
-from app.core.db import Sessions, make_engine, session_factory
+from app.core.db import Sessions
 from app.embedded.cluster import EmbeddedPostgres
 from app.map import figures
 from app.map.heights.road_heights import heights_of, nearest
@@ -32,6 +31,7 @@ from app.map.heights.store import roads_near
 from app.network.cells import raise_versions
 from app.ops.admin.queries import QUERIES
 from app.ops.admin.store import Parameters
+from service.databases import new_database, vacuum
 
 READS = 11
 PLACES = 512
@@ -122,19 +122,18 @@ def measure(sessions: Sessions) -> dict[str, float]:
     return times_ms
 
 
-def fill(cluster: EmbeddedPostgres, drives: int, segments: int) -> None:
-    """The database `filled`."""
-    databases.ensure_database(cluster.url, "filled")
-    migrate.upgrade(cluster.url_of("filled"))
-    engine = make_engine(cluster.url_of("filled"))
-    with session_factory(engine).begin() as session:
+def fill(sessions: Sessions, drives: int, segments: int) -> None:
+    """Fill an empty database."""
+    with sessions.begin() as session:
         for statement in (*_ROADS.split(";"), *_DRIVES.split(";")):
             session.execute(text(statement), {"drives": drives, "segments": segments})
         cells = list(session.execute(text("SELECT DISTINCT cell FROM segments")).scalars())
         raise_versions(session, cells)
-    with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-        connection.execute(text("VACUUM ANALYZE"))
-    engine.dispose()
+    vacuum(sessions)
+    with sessions.begin() as session:
+        for statement in _MORE.split(";"):
+            session.execute(text(statement))
+    vacuum(sessions)
 
 
 def main() -> None:
@@ -146,17 +145,10 @@ def main() -> None:
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
         EmbeddedPostgres(Path(folder)) as cluster,
+        new_database(cluster, "filled") as sessions,
     ):
-        fill(cluster, chosen.drives, chosen.segments)
-        engine = make_engine(cluster.url_of("filled"))
-        sessions = session_factory(engine)
-        with sessions.begin() as session:
-            for statement in _MORE.split(";"):
-                session.execute(text(statement))
-        with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-            connection.execute(text("VACUUM ANALYZE"))
+        fill(sessions, chosen.drives, chosen.segments)
         times_ms = measure(sessions)
-        engine.dispose()
     for name, took_ms in times_ms.items():
         print(f"{name:<28}{took_ms:10.1f} ms")
     write_json(chosen.json, json.loads(json.dumps(times_ms)))

@@ -45,11 +45,11 @@ import psycopg
 from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.blobs import BlobStore
-from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.drives.live.closing import Closer
 from app.embedded.cluster import EmbeddedPostgres
+from service.databases import sessions_of
 from service.live_phones import PATIENCE_S, batch, make_keys, post
 from service.processes import Service
 
@@ -255,17 +255,15 @@ def closed(url: str, folder: Path, streams: int) -> tuple[float, int]:
     """
     left = "SELECT count(*) FROM live_points WHERE stream_id IN (SELECT id FROM chosen)"
     settings = Settings(database_url=url, data_dir=folder)
-    engine = make_engine(url)
-    with psycopg.connect(url, autocommit=True) as connection:
+    with psycopg.connect(url, autocommit=True) as connection, sessions_of(url) as sessions:
         connection.execute(choose, (streams,))
         count = connection.execute(silence).rowcount
-        closer = Closer(session_factory(engine), BlobStore(settings.blob_store_url), settings)
+        closer = Closer(sessions, BlobStore(settings.blob_store_url), settings)
         begin = time.perf_counter()
         while closer.look():
             pass
         took_s = time.perf_counter() - begin
         (in_no_log,) = connection.execute(left).fetchone() or (0,)
-    engine.dispose()
     return 1000 * took_s / max(1, count), in_no_log
 
 

@@ -35,8 +35,8 @@ from typing import Any
 
 from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, text_table, write_json
-from app.core.db import make_engine, session_factory
 from app.network.settle import settle_network
+from service.databases import sessions_of
 from soak import judging
 from soak.acts import Actor, Client, Killer, Ledger, Operator
 from soak.disturbed import Disturbed, disturbed
@@ -196,11 +196,8 @@ def come_to_rest(service: Disturbed, operator: Operator) -> dict[str, int]:
 
 
 def _settle(service: Disturbed) -> None:
-    engine = make_engine(service.url)
-    try:
-        settle_network(session_factory(engine))
-    finally:
-        engine.dispose()
+    with sessions_of(service.url) as sessions:
+        settle_network(sessions)
 
 
 def _by_act(counts: Counter[tuple[str, str]]) -> dict[str, dict[str, int]]:
