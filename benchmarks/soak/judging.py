@@ -102,9 +102,9 @@ def left(service: Disturbed) -> dict[str, int]:
     return {str(name): int(count) for name, count in service.ask(_LEFT)}
 
 
-def await_rest(service: Disturbed, within_s: float = REST_S) -> dict[str, int]:
+def await_rest(service: Disturbed) -> dict[str, int]:
     """Until nothing is left to be done; what is left after all."""
-    ends, pending = time.monotonic() + within_s, {"?": 1}
+    ends, pending = time.monotonic() + REST_S, {"?": 1}
     while pending and time.monotonic() < ends:
         time.sleep(0.3)
         try:
