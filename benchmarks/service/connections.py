@@ -109,8 +109,7 @@ def main() -> None:
         town = write_all(folder / "town", args.drives, seed=1)
         with EmbeddedPostgres(folder, durable=False) as cluster:
             service = Service(args.checkout, libpq_url(cluster.url), folder / "data")
-            for command in (("migrate",), ("import-roads", str(town.osm)), ("import-dem", str(town.dem))):
-                service.command(*command)
+            service.set_up(town.osm, town.dem)
             rows = measured(service, [path.read_bytes() for path in town.drives], args.lanes)
     show_progress("")
     print(text_table(rows, COLUMNS))

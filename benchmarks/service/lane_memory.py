@@ -99,8 +99,7 @@ def main() -> None:
             service = Service(REPOSITORY, libpq_url(cluster.url), folder / "data")
             if args.empty_cache:
                 service.environment = {**service.environment, "NUMBA_CACHE_DIR": str(folder / "compiled")}
-            for command in (("migrate",), ("import-roads", str(args.roads)), ("import-dem", str(args.dem))):
-                service.command(*command)
+            service.set_up(args.roads, args.dem)
             rows, figures = measured(service, args.roads, folder, args.minutes * 60, args.lanes)
     show_progress("")
     print(text_table(rows, COLUMNS))

@@ -96,8 +96,7 @@ def main() -> None:
             figures["apart_sigma"] = apart_sigma(table, write_gpx(table, args.whole, folder / "log.gpx"))
         with EmbeddedPostgres(folder, durable=False) as cluster:
             service = Service(REPOSITORY, libpq_url(cluster.url), folder / "data")
-            for command in (("migrate",), ("import-roads", str(args.roads)), ("import-dem", str(args.dem))):
-                service.command(*command)
+            service.set_up(args.roads, args.dem)
             logs = [int(points) for points in args.points.split(",")]
             figures |= measured(service, table, logs, folder, args.removals)
     show_progress("")

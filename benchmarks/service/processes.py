@@ -51,6 +51,11 @@ class Service:
         if process.returncode:
             sys.exit(f"{arguments[0]}: {process.stderr.strip()}")
 
+    def set_up(self, roads: Path, dem: Path) -> None:
+        """Make the schema of an empty database, and bring in roads and heights."""
+        for command in (("migrate",), ("import-roads", str(roads)), ("import-dem", str(dem))):
+            self.command(*command)
+
     def begin(self, *arguments: str) -> subprocess.Popen[bytes]:
         """A command as a process beside this one, in a session of its own as under ``versant up``."""
         command = [sys.executable, "-m", "app.cli", *arguments]

@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from accuracy.arguments import parser_of
-from accuracy.scoring import write_json
+from accuracy.scoring import rms, write_json
 from accuracy.sequences import find_sequences, load_tool, make_log
 from fusion.catalogue import METHODS
 from fusion.formats import read_log
@@ -132,11 +132,6 @@ def errors(drive: Drive, slopes: Slopes) -> tuple[Floats, Floats]:
     keys = [key for key in slopes if key in drive.truth]
     slope, sigma = np.array([slopes[key] for key in keys]).T
     return slope - np.array([drive.truth[key] for key in keys]), sigma
-
-
-def rms(values: Floats) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def row_of(
