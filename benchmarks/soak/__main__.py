@@ -38,7 +38,7 @@ from accuracy.scoring import show_progress, text_table, write_json
 from app.network.settle import settle_network
 from service.databases import sessions_of
 from soak import judging
-from soak.acts import Actor, Client, Killer, Ledger, Operator
+from soak.acts import Actor, Client, Common, Killer, Ledger, Operator
 from soak.disturbed import Disturbed, disturbed
 from soak.fleet import fleet
 from soak.judging import Far
@@ -160,13 +160,13 @@ def disturb(
     over = threading.Event()
     begin = time.monotonic()
 
-    def common(name: str) -> tuple[Disturbed, Ledger, random.Random, threading.Event]:
-        return service, ledger, random.Random(f"{seed} {name}"), over  # noqa: S311 - no secret
+    def common(name: str) -> Common:
+        return Common(service, ledger, random.Random(f"{seed} {name}"), over)  # noqa: S311 - no secret
 
     pause_s = {n: max(LEAST_PAUSE_S, seconds / n) for n in (IMPORTS, KILLS)}
-    operator = Operator(*common("operator"), material, begin + CHANGING_SHARE * seconds, pause_s[IMPORTS])
-    actors: list[Actor] = [operator, Killer(*common("killer"), pause_s[KILLS])]
-    actors += [Client(*common(f"client {k}"), material, ACTS_EVERY_S) for k in range(CLIENTS)]
+    operator = Operator(common("operator"), material, begin + CHANGING_SHARE * seconds, pause_s[IMPORTS])
+    actors: list[Actor] = [operator, Killer(common("killer"), pause_s[KILLS])]
+    actors += [Client(common(f"client {k}"), material, ACTS_EVERY_S) for k in range(CLIENTS)]
     for actor in actors:
         actor.start()
     while (left_s := begin + seconds - time.monotonic()) > 0 and not any(actor.error for actor in actors):
