@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 
 from accuracy.arguments import REPOSITORY
 from hostile.well_behaved import request
+from service.processes import run_command
 from service.watching import children, command_of, descendants, pss_mb, repeated
 
 START_S, STOP_S = 180.0, 60.0
@@ -51,12 +52,7 @@ class Attacked:
 
     def command(self, *arguments: str) -> None:
         """Run a command on its database; ends the program where it fails."""
-        process = subprocess.run(
-            [sys.executable, "-m", "app.cli", *arguments, "--data-dir", str(self.folder / "data")],
-            cwd=REPOSITORY, env=environment(), capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if process.returncode:
-            sys.exit(f"{arguments[0]}: {process.stderr.strip()}")
+        run_command([*arguments, "--data-dir", str(self.folder / "data")], environment(), REPOSITORY)
 
     def get(self, path: str) -> tuple[int, bytes]:
         """Status and body; status 0 where there was no answer."""
