@@ -22,7 +22,6 @@ change nothing in its logs.
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 from argparse import Namespace
@@ -32,6 +31,7 @@ from pathlib import Path
 
 import numpy as np
 
+from accuracy.arguments import data_parser_of
 from accuracy.bounds import ALL_SENSORS, AS_FITTED, RoadBound
 from accuracy.constants import CHANGES, Change, changed
 from accuracy.poor import RUNGS, poor_log, road_of
@@ -45,7 +45,6 @@ from accuracy.sequences import (
     fuse,
     load_tool,
     make_log,
-    parser_of,
     slopes_of,
     tool_beside,
 )
@@ -82,7 +81,7 @@ CONSTANT_COLUMNS = {
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = parser_of(__doc__)
+    parser = data_parser_of(__doc__)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--profile", default="m8", choices=RECEIVERS)
     parser.add_argument("--bound", type=Path, metavar="PATH", help="where bound.py lies")
@@ -91,7 +90,6 @@ def main() -> None:
     parser.add_argument("--sequences", default="00,09,10", help="of the constants, separated by commas")
     parser.add_argument("--log", default="everything", choices=tuple(RUNGS), help="what is left of the logs")
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     rows = of_constants(args) if args.constants else of_sensors(args)
     print(text_table(rows, CONSTANT_COLUMNS if args.constants else COLUMNS))
     write_json(args.json, rows)
@@ -168,11 +166,8 @@ def of_constants(args: Namespace) -> list[Row]:
         sys.exit(f"no constant holds {args.only!r}; there are: {', '.join(c.label for c in CHANGES)}")
     data = args.data_dir / "karlsruhe" if (args.data_dir / "karlsruhe").is_dir() else args.data_dir
     tool = load_tool(args.roadtruth or tool_beside(data))
-    names = args.sequences.split(",")
     rung = RUNGS[args.log]
-    sequences = [road_of(s, rung) for s in find_sequences(data) if s.name in names and s.log is None]
-    if not sequences:
-        sys.exit(f"{data}: no sequence named {args.sequences}")
+    sequences = [road_of(s, rung) for s in find_sequences(data, names=args.sequences)]
     with tempfile.TemporaryDirectory() as folder:
         sets = []
         for sequence in sequences:

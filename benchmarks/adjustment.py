@@ -21,8 +21,6 @@ Aims: an update at most 0.5 s; scratch at most 10 s; 99 % of agreement within 0.
 
 from __future__ import annotations
 
-import argparse
-import json
 import statistics
 import time
 import tracemalloc
@@ -34,6 +32,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from accuracy.adjustment_drives import Synthetic
+from accuracy.arguments import HEIDELBERG, parser_of
+from accuracy.scoring import write_json
 from fusion.network.adjust import adjust
 from fusion.network.blockwise.partition import Partition, bisected
 from fusion.network.drive_constants import ConstantsInformation
@@ -44,9 +44,6 @@ from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
 from fusion.types import Bools, Floats, Ints
 
-HEIDELBERG = (
-    Path(__file__).resolve().parents[2] / "shared" / "data" / "maps" / "heidelberg-2024-09.test.osm.pbf"
-)
 ROUTE_M = 10_000.0
 
 Figures = dict[str, Any]
@@ -270,16 +267,13 @@ def region_part(file: Path, count: int, repeat: int, most: int | None) -> Figure
 
 def main() -> None:
     """Measure, print, write JSON."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--roads", type=Path, default=HEIDELBERG, help="road map of the region")
     parser.add_argument("--drives", type=int, default=100, help="so many of 10 km (default 100)")
     parser.add_argument("--repeat", type=int, default=3, help="updates to take the median of (default 3)")
     parser.add_argument("--most", type=int, default=4000, help="segments of a block (default 4000)")
     parser.add_argument("--skip-blocks", action="store_true", help="leave out the blocks")
     parser.add_argument("--skip-service", action="store_true", help="leave out the database")
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
     args = parser.parse_args()
     figures: dict[str, object] = {}
     if args.roads.exists():
@@ -291,8 +285,7 @@ def main() -> None:
         from service.adjustment import service_part  # noqa: PLC0415 - a machine without PostgreSQL can do the rest
 
         figures["service"] = service_part(args.repeat)
-    if args.json:
-        args.json.write_text(json.dumps(figures, indent=1) + "\n")
+    write_json(args.json, figures)
 
 
 if __name__ == "__main__":

@@ -30,13 +30,11 @@ force, is 0 in truth; it raises the force's level, which is of what is left of t
 
 from __future__ import annotations
 
-import argparse
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
+from accuracy.arguments import parser_of
 from accuracy.calibration_tables import LEVELS, Cell, Draw, Ratio, gaussian_scale, show
 from accuracy.model_draws import FREEDOM, RATES, DrawnDrive, draw_drive
 from accuracy.road_draws import DrawnRoad, draw_road
@@ -124,17 +122,13 @@ def _draw(road: DrawnRoad, fused: Sequence[FusedDrive], rng: np.random.Generator
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--segments", type=int, default=24, help="of each road")
     parser.add_argument("--drives", default="1,3,10,40", metavar="N[,N...]")
     parser.add_argument("--sets", default=",".join(SENSOR_SETS), help="only these, separated by commas")
-    parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     counts, sets = [int(n) for n in args.drives.split(",")], args.sets.split(",")
     unknown = [name for name in sets if name not in SENSOR_SETS]
     if unknown:

@@ -24,7 +24,6 @@ The dirt of a log is the same in every run. No constant may be fitted to ``nagoy
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 from argparse import Namespace
@@ -33,6 +32,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
+from accuracy.arguments import data_parser_of, numbers, plain_errors
 from accuracy.dirt import KINDS, GrossErrors, Kind, Receiver, read_gross_errors, spoilt
 from accuracy.logs import read_columns, write_columns
 from accuracy.scoring import Errors, Row, figures, show_progress, text_table, write_json
@@ -44,12 +44,9 @@ from accuracy.sequences import (
     fuse,
     load_tool,
     make_log,
-    numbers,
-    parser_of,
     slopes_of,
     tool_beside,
 )
-from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD
 
 CLEAN, TOGETHER = "clean", "all of these"
@@ -135,10 +132,7 @@ def run(args: Namespace, folder: Path) -> list[Row]:
     """Every kind of dirt with every receiver and number of drives."""
     data = folder_of(args.data_dir, "karlsruhe")
     tool = load_tool(args.roadtruth or tool_beside(data))
-    names = args.sequences.split(",")
-    sequences = [s for s in find_sequences(data) if s.name in names and s.log is None]
-    if not sequences:
-        sys.exit(f"{data}: no sequence named {args.sequences}")
+    sequences = find_sequences(data, names=args.sequences)
     measured = data.resolve().parent / MEASURED
     gross = read_gross_errors(measured) if (measured / "ref.csv").exists() else None
     kinds = {CLEAN: {}, **kinds_of(args.only, gross)}
@@ -165,7 +159,7 @@ def run(args: Namespace, folder: Path) -> list[Row]:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = parser_of(__doc__)
+    parser = data_parser_of(__doc__)
     parser.add_argument("--method", default=DEFAULT_METHOD)
     parser.add_argument("--sequences", default="00,05,08,09,10")
     parser.add_argument("--profiles", default="m8,phone", help="receivers, separated by commas")
@@ -174,12 +168,8 @@ def main() -> None:
     parser.add_argument("--share", type=float, default=0.1, help="of the epochs that is bad (default 0.1)")
     parser.add_argument("--only", default="", metavar="TEXT", help="kinds of dirt whose name holds the text")
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            rows = run(args, Path(folder))
-    except FusionError as error:
-        sys.exit(str(error))
+    with plain_errors(), tempfile.TemporaryDirectory() as folder:
+        rows = run(args, Path(folder))
     print(text_table(rows, COLUMNS))
     write_json(args.json, rows)
 

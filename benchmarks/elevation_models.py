@@ -22,9 +22,7 @@ it (numbers as #). A model as good as lidar ought to count as such, and one that
 
 from __future__ import annotations
 
-import os
 import re
-import sys
 import tempfile
 from argparse import Namespace
 from collections import Counter
@@ -38,6 +36,7 @@ import rasterio
 from rasterio import Affine
 from scipy.spatial import cKDTree
 
+from accuracy.arguments import data_parser_of, plain_errors
 from accuracy.logs import read_columns
 from accuracy.scoring import Errors, Row, figures, show_progress, text_table, write_json
 from accuracy.sequences import (
@@ -48,11 +47,9 @@ from accuracy.sequences import (
     fuse,
     load_tool,
     make_log,
-    parser_of,
     slopes_of,
     tool_beside,
 )
-from fusion.errors import FusionError
 from fusion.frames import METRES_PER_DEGREE
 from fusion.registry import DEFAULT_METHOD
 from fusion.simulate.write.dem_file import correlated_field
@@ -217,9 +214,7 @@ def run(args: Namespace) -> list[Row]:
     """Every sequence with every model."""
     folder = folder_of(args.data_dir, "karlsruhe")
     tool = load_tool(args.roadtruth or tool_beside(folder))
-    sequences = [s for s in find_sequences(folder) if s.name in args.sequences.split(",")]
-    if not sequences:
-        sys.exit(f"{folder}: no sequence named {args.sequences}")
+    sequences = find_sequences(folder, names=args.sequences)
     with tempfile.TemporaryDirectory() as temporary:
         setup = Setup(args, tool, Path(temporary))
         rows = [setup.row(sequence, model) for sequence in sequences for model in MODELS]
@@ -240,18 +235,15 @@ def show(rows: list[Row]) -> None:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = parser_of(__doc__)
+    parser = data_parser_of(__doc__)
     parser.add_argument("--method", default=DEFAULT_METHOD)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--drives", type=int, default=1, help="drives fused together for each seed")
     parser.add_argument("--profile", default="m8", choices=RECEIVERS)
     parser.add_argument("--sequences", default="09,10")
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    try:
+    with plain_errors():
         rows = run(args)
-    except FusionError as error:
-        sys.exit(str(error))
     show(rows)
     write_json(args.json, rows)
 

@@ -19,7 +19,6 @@ processor time, all threads together.
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import time
@@ -31,7 +30,8 @@ import numpy as np
 import scipy
 
 from accuracy.adjustment_drives import Synthetic
-from adjustment import HEIDELBERG, ROUTE_M, driven_rows, inside
+from accuracy.arguments import add_roads, parser_of
+from adjustment import ROUTE_M, driven_rows, inside
 from fusion.filters.sparse_inverse import Elimination, NormalEquations, fill_reducing_order
 from fusion.network.drive_beliefs import DriveBeliefs
 from fusion.network.equations import Blocks, right_hand_side
@@ -135,13 +135,10 @@ def compare(matrix: scipy.sparse.csc_matrix, vector: Floats, repeat: int) -> dic
 
 def main() -> int:
     """Print the figures; 1 where the two disagree."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--roads", type=Path, default=HEIDELBERG)
+    parser = parser_of(__doc__)
+    add_roads(parser)
     parser.add_argument("--drives", type=int, default=100)
     parser.add_argument("--repeat", type=int, default=5)
-    parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     if cholespy is None:
         print("CHOLMOD is not installed (pip install cholespy), so there is nothing to compare with.")

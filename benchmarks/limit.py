@@ -25,8 +25,6 @@ bound over four times smoother and rougher roads tells how sharp it is. Springs 
 
 from __future__ import annotations
 
-import os
-import sys
 import tempfile
 from argparse import Namespace
 from collections.abc import Sequence as Several
@@ -37,6 +35,7 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import data_parser_of, numbers, plain_errors
 from accuracy.bounds import AS_FITTED, RoadBound
 from accuracy.scoring import WHOLE_SHARE, Errors, Row, rms, show_progress, text_table, write_json
 from accuracy.sequences import (
@@ -50,12 +49,9 @@ from accuracy.sequences import (
     fuse,
     load_tool,
     make_log,
-    numbers,
-    parser_of,
     slopes_of,
     tool_beside,
 )
-from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD
 from fusion.types import Floats
 
@@ -204,10 +200,7 @@ def row_of(sets: Several[SetScore]) -> Row:
 
 def run(args: Namespace, data: Path, tool: ModuleType, folder: Path) -> list[Row]:
     """Every road with every receiver, then all roads together."""
-    names = args.sequences.split(",")
-    sequences = [s for s in find_sequences(data) if s.name in names and s.log is None]
-    if not sequences:
-        sys.exit(f"{data}: no sequence named {args.sequences}")
+    sequences = find_sequences(data, names=args.sequences)
     receivers = args.profiles.split(",")
     scores: dict[tuple[str, int], dict[str, list[SetScore]]] = {}
     for sequence in sequences:
@@ -233,7 +226,7 @@ def run(args: Namespace, data: Path, tool: ModuleType, folder: Path) -> list[Row
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = parser_of(__doc__, tool="bound")
+    parser = data_parser_of(__doc__, tool="bound")
     parser.add_argument("--method", default=DEFAULT_METHOD)
     parser.add_argument("--sequences", default="00,05,08,09,10")
     parser.add_argument("--profiles", default=",".join(RECEIVERS), help="receivers, separated by commas")
@@ -242,14 +235,10 @@ def main() -> None:
     )
     parser.add_argument("--sets", type=int, default=3, help="sets of drives (default 3)")
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     data = folder_of(args.data_dir, "karlsruhe")
     tool = load_tool(args.bound or tool_beside(data, "bound.py"))
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            rows = run(args, data, tool, Path(folder))
-    except FusionError as error:
-        sys.exit(str(error))
+    with plain_errors(), tempfile.TemporaryDirectory() as folder:
+        rows = run(args, data, tool, Path(folder))
     print(text_table(rows, COLUMNS))
     write_json(args.json, rows)
 

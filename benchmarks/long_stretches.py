@@ -20,7 +20,6 @@ rides' own repeats say of their sigmas is in them where there are ten rides or m
 from __future__ import annotations
 
 import json
-import os
 import sys
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -30,12 +29,12 @@ from types import ModuleType
 
 import numpy as np
 
+from accuracy.arguments import data_parser_of
 from accuracy.scoring import TWO_SIDED_95, Row, rms, show_progress, text_table, write_json
 from accuracy.sequences import (
     Slopes,
     folder_of,
     load_tool,
-    parser_of,
     quietly,
     slopes_among,
     tool_beside,
@@ -170,7 +169,7 @@ def run_subsets(setup: Setup, sets: Sequence[Sequence[int]]) -> list[Row]:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = parser_of(__doc__, tool="stretches")
+    parser = data_parser_of(__doc__, tool="stretches")
     parser.add_argument("--rides", type=parse_ranges, default=parse_ranges("1-16"), metavar="1-16")
     parser.add_argument(
         "--subsets", type=int, default=4, metavar="N", help="so many random sets of rides (default 4)"
@@ -178,7 +177,6 @@ def main() -> None:
     parser.add_argument("--of", type=int, default=6, help="rides in each set (default 6)")
     parser.add_argument("--method", default=DEFAULT_METHOD)
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     folder = folder_of(args.data_dir, "storuman")
     tool = load_tool(args.stretches or tool_beside(folder, "stretches.py"))
     setup = prepare(folder, tool, args.method, args.rides)

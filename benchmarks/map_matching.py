@@ -29,7 +29,6 @@ alone), whose true way is known: what a dense log costs.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -41,6 +40,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from accuracy.arguments import parser_of
+from accuracy.scoring import write_json
 from fusion.matching.drive import DriveMatcher
 from fusion.matching.samples import DriveSamples, thin
 from fusion.published.matchers import MATCHERS
@@ -268,9 +269,7 @@ def show(summary: list[Figures]) -> None:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("data_dir", type=Path)
     parser.add_argument(
         "--methods",
@@ -284,13 +283,11 @@ def main() -> None:
     parser.add_argument("--leuven", type=int, metavar="N", help="LeuvenMapMatching on N tracks of each part")
     parser.add_argument("--hour", action="store_true", help="add an hour of simulated driving at 10 Hz")
     parser.add_argument("--skip-leuven", action="store_true")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     rows = run(args)
     summary = summarise(rows)
     show(summary)
-    if args.json:
-        args.json.write_text(json.dumps({"summary": summary, "tracks": rows}, indent=1))
+    write_json(args.json, {"summary": summary, "tracks": rows})
 
 
 if __name__ == "__main__":

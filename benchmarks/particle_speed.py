@@ -22,8 +22,6 @@ cache one by one, and what the memory's speed would allow.
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import statistics
 import subprocess
 import sys
@@ -34,6 +32,8 @@ from pathlib import Path
 
 import numba
 
+from accuracy.arguments import parser_of
+from accuracy.scoring import write_json
 from fusion.formats import read_log
 from fusion.published.nine_state.protocol import EpochFilter
 from fusion.published.nine_state.run import DriveRun
@@ -171,17 +171,13 @@ def profiled_run(particles: int, scene: Scene) -> tuple[float, dict[str, float]]
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--particles", type=int, nargs="+", default=[1000, 10_000, 100_000, 1_000_000])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--duration", type=float, default=549.0, help="length of the drive, s")
     parser.add_argument("--profile", type=int, metavar="N", help="where the time goes with N particles")
     parser.add_argument("--memory-of", type=int, help=argparse.SUPPRESS)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     if args.memory_of:
         scene = make_scene(args.duration)
         seconds_per_epoch(ParticleCloud, FEWEST, scene)
@@ -194,8 +190,7 @@ def main() -> None:
         result: object = profile(args.profile, args.rounds, args.duration)
     else:
         result = compare(args.particles, args.rounds, args.duration)
-    if args.json:
-        args.json.write_text(json.dumps(result, indent=1))
+    write_json(args.json, result)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,6 @@ smoother of the same altitudes before the low-pass could reach at best, by the t
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 from argparse import Namespace
@@ -42,6 +41,7 @@ from types import ModuleType
 import numpy as np
 
 from accuracy import filtered
+from accuracy.arguments import data_parser_of, plain_errors
 from accuracy.logs import POSITIONS, only, with_barometer, write_columns
 from accuracy.poor import RUNGS, Rung, poor_log, road_of
 from accuracy.scoring import (
@@ -61,11 +61,9 @@ from accuracy.sequences import (
     find_sequences,
     folder_of,
     load_tool,
-    parser_of,
     tool_beside,
 )
 from accuracy.streets import drive_along, make_hills, truth_of
-from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD
 from fusion.simulate.write.csv_file import csv_columns
 
@@ -149,9 +147,7 @@ def run(args: Namespace, folder: Path) -> dict[str, list[Row]]:
         sys.exit(f"--tables takes some of {','.join(TABLES)}")
     data = folder_of(args.data_dir, "karlsruhe")
     tool = load_tool(args.roadtruth or tool_beside(data))
-    sequences = [s for s in find_sequences(data) if s.name in args.sequences.split(",")]
-    if not sequences:
-        sys.exit(f"{data}: no sequence named {args.sequences}")
+    sequences = find_sequences(data, names=args.sequences)
     rows: dict[str, list[Row]] = {}
     if "ladder" in names:
         rows["ladder"] = ladder(args, Setup(tool, folder, args.method, args.seeds), sequences)
@@ -207,7 +203,7 @@ def street_row(segment_m: float, method: str, seeds: int, folder: Path) -> Row:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = parser_of(__doc__)
+    parser = data_parser_of(__doc__)
     parser.add_argument("--method", default=DEFAULT_METHOD)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--sequences", default="00,09,10")
@@ -215,12 +211,8 @@ def main() -> None:
     parser.add_argument("--tables", default=",".join(TABLES), help="some of them, separated by commas")
     parser.add_argument("--bound", type=Path, metavar="PATH", help="where bound.py lies")
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    try:
-        with tempfile.TemporaryDirectory() as temporary:
-            rows = run(args, Path(temporary))
-    except FusionError as error:
-        sys.exit(str(error))
+    with plain_errors(), tempfile.TemporaryDirectory() as temporary:
+        rows = run(args, Path(temporary))
     show_progress("")
     for name, of_table in rows.items():
         title, columns = TABLES[name]

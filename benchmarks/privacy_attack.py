@@ -33,7 +33,6 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import os
-import sys
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -43,6 +42,7 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import add_roads, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.embedded.cluster import EmbeddedPostgres
 from privacy.attacks import (
@@ -64,8 +64,6 @@ from privacy.scoring import DOOR_M, HOME_M, Share, difference, right_drives, rig
 from privacy.service import Server
 from privacy.town import make_town
 
-HERE = Path(__file__).resolve().parents[1]
-HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
 OWNERS = 3
 """The service's k."""
 LOOKED_AT = (3, 5, 10)
@@ -93,10 +91,8 @@ COLUMNS = {
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--roads", type=Path, default=HEIDELBERG)
+    parser = parser_of(__doc__)
+    add_roads(parser)
     for name, number in (("owners", 200), ("drives", 400), ("editions", 4), ("removals", 3), ("seed", 1)):
         parser.add_argument(f"--{name}", type=int, default=number)
     parser.add_argument("--live", type=int, default=100, help="first drives that the live map is watched for")
@@ -105,10 +101,7 @@ def main() -> None:
     )
     parser.add_argument("--quick", action="store_true", help="a small town, to see whether it works")
     parser.add_argument("--plot", type=Path)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    if not args.roads.exists():
-        sys.exit(f"{args.roads}: not there")
     if args.quick:
         vars(args).update(QUICK)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -13,18 +13,16 @@ is no use).
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import resource
 import statistics
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from accuracy.arguments import parser_of
+from accuracy.scoring import write_json
 from fusion.frames import GRAVITY_MPS2, LocalProjection
 from fusion.pipeline import run_drive
 from fusion.roads.osm import read_roads
@@ -158,18 +156,12 @@ def user_s() -> float:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("roads", type=Path)
     parser.add_argument("--hours", default="1,2,4,8")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    if not args.roads.exists():
-        sys.exit(f"{args.roads}: not there")
     begin = time.perf_counter()
     table = read_roads(args.roads)
     print(f"{len(table):,} segments loaded in {time.perf_counter() - begin:.2f} s")
@@ -194,8 +186,7 @@ def main() -> None:
             f"{r['hours']:6.1f} {r['epochs']:8.0f} {r['segments']:9.0f} {r['user_s']:8.2f} {r['s_per_hour']:8.2f} "
             f"{r['ratio']:6.2f} {r['within']:9.1%}"
         )
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1))
+    write_json(args.json, rows)
 
 
 def _row(

@@ -19,8 +19,6 @@ another city one-sided with Doppler 4.5 m, 95 % under 10 m.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -29,6 +27,8 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import parser_of
+from accuracy.scoring import write_json
 from fusion.catalogue import SOLVERS
 from fusion.formats import read_logs
 from fusion.frames import geodetic
@@ -178,9 +178,7 @@ def show(label: str, values: dict[str, float]) -> None:
 
 def main() -> None:
     """Read the log, print the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("folder", nargs="?", type=Path, help="smartLoc's folder")
     parser.add_argument(
         "--convert", type=Path, metavar="OUTDIR", help="write smartLoc as the project's CSV files"
@@ -192,7 +190,6 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--skip-literature", action="store_true")
-    parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args()
     if args.convert and args.folder:
         print(*smartloc.convert(args.folder, args.convert), sep="\n")
@@ -214,8 +211,7 @@ def main() -> None:
         for label, values in (*own, *literature(scene)):
             show(label, values)
             table[label] = values
-    if args.json:
-        args.json.write_text(json.dumps(table, indent=1))
+    write_json(args.json, table)
 
 
 if __name__ == "__main__":

@@ -28,11 +28,9 @@ Aims: 8 times the parent's rate with two workers; two workers 1.7 times one; alo
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import statistics
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -41,7 +39,8 @@ from pathlib import Path
 
 import psycopg
 
-from accuracy.scoring import show_progress, text_table
+from accuracy.arguments import REPOSITORY, add_roads, parser_of
+from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
@@ -49,8 +48,6 @@ from service.logs import make_logs
 from service.processes import Service
 from service.processor import used_s
 
-HERE = Path(__file__).resolve().parents[1]
-HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
 COLUMNS = {
     "code": ("code", ""),
     "workers": ("workers", "g"),
@@ -87,19 +84,14 @@ class Result:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--roads", type=Path, default=HEIDELBERG)
+    parser = parser_of(__doc__)
+    add_roads(parser)
     parser.add_argument("--drives", type=int, default=200)
     parser.add_argument("--workers", default="1,2,4")
     parser.add_argument("--alone", type=int, default=5)
     parser.add_argument("--before", type=Path, metavar="CHECKOUT")
     parser.add_argument("--before-workers", default="2")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    if not args.roads.exists():
-        sys.exit(f"{args.roads}: not there")
     with tempfile.TemporaryDirectory(prefix="versant-bench-") as folder:
         logs = make_logs(args.roads, args.drives + args.alone + 1, Path(folder))
         results = []
@@ -109,15 +101,15 @@ def main() -> None:
                     run("before", args.before.resolve(), args, logs, args.drives, count, settle=False)
                 )
         results += [
-            run("now", HERE, args, logs, args.drives, count) for count in map(int, args.workers.split(","))
+            run("now", REPOSITORY, args, logs, args.drives, count)
+            for count in map(int, args.workers.split(","))
         ]
     show_progress("")
     rows = [asdict(result) for result in results]
     print(text_table(rows, COLUMNS))
     for line in ratios(results):
         print(line)
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1))
+    write_json(args.json, rows)
 
 
 def ratios(results: Sequence[Result]) -> list[str]:

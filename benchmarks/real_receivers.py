@@ -16,8 +16,6 @@ holes. No constant of the library may be fitted to these logs: they are a check.
 
 from __future__ import annotations
 
-import os
-import sys
 import tempfile
 from argparse import Namespace
 from dataclasses import dataclass
@@ -26,6 +24,7 @@ from types import ModuleType
 
 import numpy as np
 
+from accuracy.arguments import data_parser_of, plain_errors
 from accuracy.logs import outside_blocks, read_columns, rows_of, write_columns
 from accuracy.scoring import Errors, Row, figures, rms, show_progress, text_table, write_json
 from accuracy.sequences import (
@@ -36,10 +35,8 @@ from accuracy.sequences import (
     folder_of,
     load_tool,
     make_log,
-    parser_of,
     tool_beside,
 )
-from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD
 
 FOLDERS = ("nagoya", "comma2k19")
@@ -130,15 +127,12 @@ def run(args: Namespace) -> list[Row]:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = parser_of(__doc__)
+    parser = data_parser_of(__doc__)
     parser.add_argument("--method", default=DEFAULT_METHOD)
     parser.add_argument("--seeds", type=int, default=5, help="draws of the holes (default 5)")
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    try:
+    with plain_errors():
         rows = run(args)
-    except FusionError as error:
-        sys.exit(str(error))
     print(text_table(rows, COLUMNS))
     write_json(args.json, rows)
 

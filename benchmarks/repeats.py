@@ -22,7 +22,6 @@ the library may be fitted to these logs: they are a check.
 from __future__ import annotations
 
 import json
-import os
 import sys
 import tempfile
 from argparse import Namespace
@@ -32,11 +31,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
+from accuracy.arguments import data_parser_of, plain_errors
 from accuracy.logs import drop_columns
 from accuracy.scoring import Row, show_progress, text_table, write_json
-from accuracy.sequences import folder_of, load_tool, parser_of, quietly, tool_beside
+from accuracy.sequences import folder_of, load_tool, quietly, tool_beside
 from app.cli.logs.fusing import Fusion
-from fusion.errors import FusionError
 from fusion.pipeline import parse_options
 from fusion.registry import DEFAULT_METHOD
 from fusion.roads.osm import read_roads
@@ -138,16 +137,12 @@ def run(args: Namespace, folder: Path) -> list[Row]:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = parser_of(__doc__, tool="repeats")
+    parser = data_parser_of(__doc__, tool="repeats")
     parser.add_argument("--method", default=DEFAULT_METHOD)
     parser.add_argument("--only", default="", metavar="TEXT", help="rows whose name holds the text")
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            rows = run(args, Path(folder))
-    except FusionError as error:
-        sys.exit(str(error))
+    with plain_errors(), tempfile.TemporaryDirectory() as folder:
+        rows = run(args, Path(folder))
     print(text_table(rows, COLUMNS))
     write_json(args.json, rows)
 

@@ -34,7 +34,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-REPOSITORY = Path(__file__).resolve().parents[1]
+from accuracy.arguments import REPOSITORY, parser_of
+from accuracy.scoring import write_json
+
 ROADS = ("09", "10")
 METHODS = (
     "profile", "particle", "odometer-map", "gps-ins-kf", "gps-ins-ekf", "gps-ins-ukf", "ukf-dem", "raw", "dem"
@@ -178,9 +180,7 @@ def compare(args: argparse.Namespace, folder: Path) -> list[dict[str, object]]:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("data_dir", type=Path)
     parser.add_argument("--before", type=Path, required=True)
     parser.add_argument("--after", type=Path, default=REPOSITORY)
@@ -188,14 +188,12 @@ def main() -> None:
     parser.add_argument("--only", default="", metavar="TEXT")
     parser.add_argument("--keep", type=Path, help="folder for the files of both")
     parser.add_argument("--roadtruth", type=Path)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         rows = compare(args, (args.keep or Path(folder)).resolve())
     different = [row for row in rows if row["differing"]]
     print(f"{len(rows)} cases, {len(different)} with different results")
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1))
+    write_json(args.json, rows)
     sys.exit(1 if different else 0)
 
 

@@ -19,14 +19,13 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
-import os
 import re
 import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from accuracy.scoring import show_progress
+from accuracy.arguments import parser_of
+from accuracy.scoring import show_progress, write_json
 from fusion.errors import FusionError
 from published.rows import Row, by_experiment, markdown_table, side_by_side, text_table
 
@@ -102,17 +101,13 @@ def chosen_parts(args: argparse.Namespace) -> list[str]:
 
 def main() -> None:
     """Parse the command line, run, print, write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("data_dir", type=Path, nargs="?", metavar="DATA_DIR")
     parser.add_argument("--only", nargs="+", choices=PARTS)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--roadtruth", type=Path)
-    parser.add_argument("--json", type=Path)
     parser.add_argument("--write", action="store_true", help="renew the tables in docs/published/")
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     all_rows: list[Row] = []
     for part in chosen_parts(args):
         try:
@@ -123,8 +118,7 @@ def main() -> None:
         if args.write:
             write(part, rows)
         all_rows += rows
-    if args.json:
-        args.json.write_text(json.dumps([asdict(row) for row in all_rows], indent=1))
+    write_json(args.json, [asdict(row) for row in all_rows])
 
 
 if __name__ == "__main__":

@@ -28,10 +28,8 @@ the point, and not the same picture.
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import tempfile
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -41,9 +39,9 @@ from typing import Any
 import numpy as np
 from sqlalchemy import text
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, write_json
-from app.core import databases, migrate
-from app.core.db import Sessions, make_engine, session_factory
+from app.core.db import Sessions
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from app.map.derived import following
@@ -52,9 +50,10 @@ from app.network.cells import raise_versions
 from served.clients import Asked, Rates, ask, tags_of
 from served.million import fill
 from served.servers import PROPERTIES, SCHEMA, bare, make_flat, tipg
+from service.databases import new_database, sessions_of
 from service.processes import Service
+from service.watching import repeated
 
-HERE = Path(__file__).resolve().parents[1]
 ZOOMS = (14, 12, 10)
 TILES = {14: 400, 12: 120, 10: 24}
 """Tiles asked for, at most."""
@@ -110,24 +109,17 @@ def tiles_to_ask(sessions: Sessions) -> dict[int, list[tuple[int, int, float]]]:
 @contextmanager
 def published_each_second(sessions: Sessions) -> Iterator[None]:
     """One drive's slopes after the other."""
-    ended = threading.Event()
+    rng = np.random.default_rng(1)
+    with sessions() as session:
+        last = session.execute(_LAST).scalar_one()
 
     def publish() -> None:
-        rng = np.random.default_rng(1)
-        with sessions() as session:
-            last = session.execute(_LAST).scalar_one()
-        while not ended.wait(1.0):
-            with sessions.begin() as session:
-                cells = session.execute(_SOMEWHERE, {"id": int(rng.integers(last))}).scalars().all()
-                raise_versions(session, cells)
+        with sessions.begin() as session:
+            cells = session.execute(_SOMEWHERE, {"id": int(rng.integers(last))}).scalars().all()
+            raise_versions(session, cells)
 
-    thread = threading.Thread(target=publish)
-    thread.start()
-    try:
+    with repeated(publish, 1.0):
         yield
-    finally:
-        ended.set()
-        thread.join()
 
 
 class Setup:
@@ -219,17 +211,16 @@ def _box(zoom: int, x: int, y: int) -> str:
 def servers(cluster: EmbeddedPostgres, folder: Path, python: Path, seconds: float) -> Iterator[Setup]:
     """All of them, until the block ends."""
     dsn = libpq_url(cluster.url_of("million"))
-    engine = make_engine(cluster.url_of("million"))
-    service = Service(HERE, dsn, folder / "data")
+    service = Service(REPOSITORY, dsn, folder / "data")
     with ExitStack() as running:
-        running.callback(engine.dispose)
+        sessions = running.enter_context(sessions_of(cluster.url_of("million")))
         running.enter_context(tipg(python, dsn, PORT))
         running.enter_context(bare(dsn, PORT + 1))
         running.enter_context(service.started("api", "--port", str(service.port)))
         running.enter_context(service.started("worker", "--concurrency", "1"))
         service.await_ready()
-        await_derived(session_factory(engine))
-        yield Setup(session_factory(engine), service.port, PORT, PORT + 1, seconds)
+        await_derived(sessions)
+        yield Setup(sessions, service.port, PORT, PORT + 1, seconds)
 
 
 def await_derived(sessions: Sessions) -> None:
@@ -243,20 +234,15 @@ def await_derived(sessions: Sessions) -> None:
 
 def fill_once(cluster: EmbeddedPostgres, roads: Path, folder: Path, segments: int) -> None:
     """Fill the database unless a run before has."""
-    url = cluster.url_of("million")
     if (folder / "filled").exists():
         return
-    databases.ensure_database(cluster.url, "million")
-    migrate.upgrade(url)
-    engine = make_engine(url)
-    sessions = session_factory(engine)
-    show_progress("filling the database")
-    fill(sessions, roads, folder, segments)
-    make_flat(sessions)
-    show_progress("deriving ways and what low zooms draw")
-    began = time.process_time()
-    follow_all(sessions)
-    engine.dispose()
+    with new_database(cluster, "million") as sessions:
+        show_progress("filling the database")
+        fill(sessions, roads, folder, segments)
+        make_flat(sessions)
+        show_progress("deriving ways and what low zooms draw")
+        began = time.process_time()
+        follow_all(sessions)
     print(f"derived in {time.process_time() - began:.0f} s of processor time, without the database's")
     (folder / "filled").touch()
 
@@ -314,7 +300,7 @@ def report(figures: dict[str, Any], density: Mapping[int, float]) -> None:
 
 def main() -> None:
     """Measure, print a table, write JSON."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser = parser_of(__doc__)
     parser.add_argument("file", type=Path, help="road map: .osm.pbf, .osm or .osm.gz")
     parser.add_argument("--tipg", type=Path, required=True, help="interpreter of an environment with tipg")
     parser.add_argument("--segments", type=int, default=1_000_000)
@@ -323,7 +309,6 @@ def main() -> None:
     parser.add_argument(
         "--keep", type=Path, help="keep the database in this folder, and use it if it is there"
     )
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
     chosen = parser.parse_args()
     with ExitStack() as open_:
         folder = chosen.keep or Path(

@@ -27,14 +27,13 @@ length of segment.
 
 from __future__ import annotations
 
-import os
-import sys
 import tempfile
 from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
+from accuracy.arguments import data_parser_of, numbers, plain_errors
 from accuracy.scoring import (
     LENGTH_COLUMNS,
     Errors,
@@ -53,11 +52,8 @@ from accuracy.sequences import (
     find_sequences,
     load_tool,
     make_log,
-    numbers,
-    parser_of,
     tool_beside,
 )
-from fusion.errors import FusionError
 from fusion.registry import DEFAULT_METHOD
 
 BASELINES = ("raw", "dem")
@@ -122,10 +118,7 @@ def run(args: Namespace) -> list[Row]:
     path = args.roadtruth or tool_beside(args.data_dir)
     # A real log with its truth can be scored without the tool, but for logs without noise.
     tool = load_tool(path) if path.exists() or any(args.data_dir.glob("ref_*.csv")) else None
-    names = None if args.sequences is None else args.sequences.split(",")
-    sequences = [s for s in find_sequences(args.data_dir, tool) if names is None or s.name in names]
-    if not sequences:
-        sys.exit(f"{args.data_dir}: no sequence named {args.sequences}")
+    sequences = find_sequences(args.data_dir, tool, args.sequences)
     baselines = [m for m in BASELINES if m != args.method]
     rows: list[Row] = []
     base: dict[str, float] = {}
@@ -194,7 +187,7 @@ def show(rows: list[Row], drives: int) -> None:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = parser_of(__doc__)
+    parser = data_parser_of(__doc__)
     parser.add_argument("--method", default=DEFAULT_METHOD)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--profile", default="m8", choices=RECEIVERS)
@@ -205,11 +198,8 @@ def main() -> None:
         "--option", action="append", default=[], metavar="NAME=VALUE", help="option of the method"
     )
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
-    try:
+    with plain_errors():
         rows = run(args)
-    except FusionError as error:
-        sys.exit(str(error))
     write_json(args.json, rows)
 
 

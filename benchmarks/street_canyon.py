@@ -27,18 +27,15 @@ the same law, so that the cloud can but tend to the filter.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import text_table, write_json
 from fusion.catalogue import ERROR_MODELS, SOLVERS
 from fusion.gnss.error_models.base import Series, share_within
@@ -227,9 +224,7 @@ def print_densities(densities: dict[tuple[str, str], list[list[float]]]) -> None
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--seeds", type=int, help="default 20, of slopes 5")
     parser.add_argument(
         "--slopes", action="store_true", help="slopes of drives through simulated towns instead"
@@ -238,9 +233,7 @@ def main() -> None:
     parser.add_argument("--readings", nargs="+", choices=READINGS, default=list(READINGS))
     parser.add_argument("--solvers", nargs="+", metavar="NAME", default=list(SOLVERS))
     parser.add_argument("--particles", nargs="+", type=int, metavar="N")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     if args.slopes:
         rows = canyon_slopes.run(args.seeds or 5)
         print(text_table(rows, canyon_slopes.COLUMNS))
@@ -268,8 +261,7 @@ def main() -> None:
     if args.particles:
         print("particles, study scene")
         print_clouds([rouen(seed) for seed in range(args.seeds)], args.particles)
-    if args.json:
-        args.json.write_text(json.dumps(report, indent=1))
+    write_json(args.json, report)
 
 
 if __name__ == "__main__":

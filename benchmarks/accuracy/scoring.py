@@ -212,14 +212,18 @@ def text_table(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, tuple[st
     """Rows as aligned text; ``columns`` names the keys to show, each with its title and format. Unknown is a dash."""
     cells = [[title for title, _ in columns.values()]]
     cells += [[_cell(row.get(key), spec) for key, (_, spec) in columns.items()] for row in rows]
+    return "\n".join(aligned(cells, [spec == "" for _, spec in columns.values()]))
+
+
+def aligned(cells: Sequence[Sequence[str]], left: Sequence[bool]) -> list[str]:
+    """Lines of cells, one column below the other; those of a column to the ``left`` or to the right."""
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    left = [spec == "" for _, spec in columns.values()]
-    return "\n".join(
+    return [
         "  ".join(
             c.ljust(w) if le else c.rjust(w) for c, w, le in zip(line, widths, left, strict=True)
         ).rstrip()
         for line in cells
-    )
+    ]
 
 
 def _cell(value: Any, spec: str) -> str:

@@ -7,7 +7,6 @@ file whose name contains XX; or one real log, ``log.csv`` with ``roads.osm``, ``
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import importlib.util
 import io
@@ -52,8 +51,11 @@ class Sequence:
     log: Path | None
 
 
-def find_sequences(folder: Path, tool: ModuleType | None = None) -> list[Sequence]:
-    """Every sequence in ``folder``; ``tool`` is ``roadtruth``, asked for a truth that is not there."""
+def find_sequences(folder: Path, tool: ModuleType | None = None, names: str | None = None) -> list[Sequence]:
+    """Every sequence in ``folder``, or those of ``names``, separated by commas.
+
+    ``tool`` is ``roadtruth``, asked for a truth that is not there.
+    """
     tiles = sorted([*folder.glob("*.hgt"), *folder.glob("*.tif")])
     dem = Dem.open(tiles) if tiles else None
     sequences = [_surveyed(folder, reference, dem) for reference in sorted(folder.glob("ref_*.csv"))]
@@ -61,7 +63,10 @@ def find_sequences(folder: Path, tool: ModuleType | None = None) -> list[Sequenc
         sequences.append(_recorded(folder, dem, tool))
     if not sequences:
         sys.exit(f"{folder}: neither ref_*.csv nor log.csv")
-    return sequences
+    wanted = [s for s in sequences if names is None or s.name in names.split(",")]
+    if not wanted:
+        sys.exit(f"{folder}: no sequence named {names}")
+    return wanted
 
 
 def _surveyed(folder: Path, reference: Path, dem: Dem | None) -> Sequence:
@@ -200,19 +205,3 @@ def estimate(
 ) -> Slopes:
     """Slope and sigma by segment from logs together."""
     return slopes_of(fuse(sequence, logs, method, options))
-
-
-def numbers(text: str) -> list[int]:
-    """``1,10,40`` as numbers."""
-    return [int(part) for part in text.split(",")]
-
-
-def parser_of(description: str | None, tool: str = "roadtruth") -> argparse.ArgumentParser:
-    """A command line with what benchmarks on recorded data take: DATA_DIR, ``--json`` and where the tool lies."""
-    parser = argparse.ArgumentParser(
-        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("data_dir", type=Path, metavar="DATA_DIR")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures to this file")
-    parser.add_argument(f"--{tool}", type=Path, metavar="PATH", help=f"where {tool}.py lies")
-    return parser

@@ -36,8 +36,8 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 
+from accuracy.arguments import add_roads, parser_of
 from accuracy.scoring import write_json
-from adjustment import HEIDELBERG
 from app.batch.folder import BatchFolder
 from app.batch.hands import hands
 from app.batch.run import Request, run
@@ -199,10 +199,8 @@ PARTS = {"speed": speed, "killed": killed, "cut": cut, "scheduler": scheduler, "
 
 def main() -> None:
     """Measure, print, write JSON."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--roads", type=Path, default=HEIDELBERG, help="road map of the town")
+    parser = parser_of(__doc__)
+    add_roads(parser)
     parser.add_argument("--dem", type=Path, help="elevation raster (default: none)")
     parser.add_argument("--logs", type=int, default=2000, help="default 2000")
     parser.add_argument("--length", type=float, default=10_000.0, help="m of a drive (default 10000)")
@@ -211,7 +209,6 @@ def main() -> None:
     parser.add_argument("--kill-every", type=float, default=20.0, help="seconds (default 20)")
     parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS), help="default: all")
     parser.add_argument("--folder", type=Path, help="where logs and results are left (default: nowhere)")
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
     args = parser.parse_args()
     os.environ["PYTHONPATH"] = os.pathsep.join([".", os.environ.get("PYTHONPATH", "")])
     with tempfile.TemporaryDirectory() as place:

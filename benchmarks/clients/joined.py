@@ -10,7 +10,6 @@ nine of ten.
 
 from __future__ import annotations
 
-import argparse
 import re
 import tempfile
 from collections import Counter
@@ -24,6 +23,7 @@ import shapely
 from pyproj import Transformer
 
 import fusion
+from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, write_json
 from app.embedded.cluster import EmbeddedPostgres
 from fusion.roads.table import RoadTable
@@ -128,12 +128,9 @@ def judged(connection: psycopg.Connection[Any], query: str, segments: int) -> di
 
 def main() -> None:
     """Make both maps, join them, print the shares."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("map", type=Path)
     parser.add_argument("--crs", type=int, default=25832, help="EPSG number of a projection in metres")
-    parser.add_argument("--json", type=Path)
     chosen = parser.parse_args()
     roads = fusion.read_roads(chosen.map)
     ways = {"a buffer of 10 m": BUFFER, "the nearest": _NEAREST, "the guide's query": queries()[0]}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
+from accuracy.arguments import REPOSITORY
 from accuracy.scoring import show_progress
 from app.core import migrate
 from app.core.blobs import BlobStore
-from app.core.db import Sessions, make_engine, session_factory
+from app.core.db import Sessions
 from app.core.settings.places import libpq_url
 from app.drives import claims, publishing
-from app.drives import store as drives
 from app.embedded.cluster import EmbeddedPostgres
 from app.network import extracts
 from app.network import results as slopes
@@ -28,9 +27,9 @@ from app.roads import store as road_store
 from app.roads.imports import import_roads
 from fusion.roads.table import RoadTable
 from fusion.types import Floats, Ints, SegmentSlope
+from service.databases import begun_drive, sessions_of
 from service.processes import Service
 
-HERE = Path(__file__).resolve().parents[2]
 START_S = 1_700_000_000.0
 APART_S = 7200.0
 DRIVES = 6
@@ -58,14 +57,12 @@ def scene(roads: Path) -> Iterator[Scene]:
     ):
         folder = Path(name)
         migrate.upgrade(cluster.url)
-        engine = make_engine(cluster.url)
-        sessions = session_factory(engine)
-        show_progress("importing")
-        import_roads(sessions, roads, folder / "dem")
-        fill(sessions)
-        engine.dispose()
+        with sessions_of(cluster.url) as sessions:
+            show_progress("importing")
+            import_roads(sessions, roads, folder / "dem")
+            fill(sessions)
         show_progress("")
-        service = Service(HERE, libpq_url(cluster.url), folder / "data")
+        service = Service(REPOSITORY, libpq_url(cluster.url), folder / "data")
         with service.started("api", "--port", str(service.port)):
             service.await_ready()
             yield Scene(service.address, service.url, service)
@@ -95,13 +92,8 @@ def fill(sessions: Sessions) -> None:
 
 
 def _add(sessions: Sessions, ids: Ints, estimates: list[SegmentSlope], first_s: float) -> None:
-    key = uuid.uuid4().hex
     with sessions.begin() as session:
-        drive, _ = drives.create_drive(
-            session, sha256=key, filename=f"{key}.csv", size_bytes=1, blob_key=f"drives/{key}", method="raw", options={}
-        )  # fmt: skip
-        if not claims.mark_running(session, drive.id, drive.generation):
-            raise RuntimeError("somebody else took the drive")
+        drive = begun_drive(session, "raw")
         claims.mark_publishing(
             session,
             drive.id,

@@ -23,7 +23,6 @@ import multiprocessing
 import os
 import pickle
 import tempfile
-import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -31,8 +30,8 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import add_roads, parser_of
 from accuracy.scoring import write_json
-from adjustment import HEIDELBERG
 from country.made import Country, PassFiles, make_drives, town
 from fusion.network.adjust import adjust, adjust_from
 from fusion.network.blockwise.partition import Partition, bisected
@@ -40,6 +39,7 @@ from fusion.network.pass_factor import PassFactor
 from fusion.network.segment_slopes import Adjustment
 from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
+from service.watching import pages_kb, repeated
 
 SAMPLE_S = 0.25
 THREADS = ("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "OMP_NUM_THREADS")
@@ -51,30 +51,12 @@ class Memory:
     """The peak of the memory of this process and its children together, MB, while it is watched."""
 
     def __init__(self) -> None:
-        self.peak_mb, self._over = 0.0, threading.Event()
-        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self.peak_mb = 0.0
 
-    def __enter__(self) -> Memory:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join()
-
-    def _watch(self) -> None:
-        while not self._over.wait(SAMPLE_S):
-            every = [os.getpid(), *(p.pid or 0 for p in multiprocessing.active_children())]
-            self.peak_mb = max(self.peak_mb, sum(map(_share_mb, every)))
-
-
-def _share_mb(process: int) -> float:
-    """Its share of its pages, MB; 0 where it is gone."""
-    try:
-        text = Path(f"/proc/{process}/smaps_rollup").read_text(encoding="ascii")
-    except OSError:
-        return 0.0
-    return next(int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:")) / 1e3
+    def look(self) -> None:
+        """Look once."""
+        every = [os.getpid(), *(p.pid or 0 for p in multiprocessing.active_children())]
+        self.peak_mb = max(self.peak_mb, sum(pages_kb(one).get("Pss", 0) for one in every) / 1e3)
 
 
 def pool(processes: int) -> ProcessPoolExecutor:
@@ -113,10 +95,11 @@ class Made:
 
     def solved(self, processes: int) -> tuple[Adjustment, float, float]:
         """In blocks, by so many processes; with seconds by the clock and MB."""
+        memory = Memory()
         with (
             tempfile.TemporaryDirectory(dir=self.files.folder) as left,
             pool(processes) as hands,
-            Memory() as memory,
+            repeated(memory.look, SAMPLE_S),
         ):
             start = time.perf_counter()
             blocks = Partition(self.block.block, hands, self.block.parent, Path(left))
@@ -156,10 +139,8 @@ def country(made: Made, processes: int) -> Figures:
 
 def main() -> None:
     """Measure, print, write JSON."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--roads", type=Path, default=HEIDELBERG, help="road map of the town")
+    parser = parser_of(__doc__)
+    add_roads(parser)
     parser.add_argument("--segments", type=int, default=1_000_000, help="of the country (default 1000000)")
     parser.add_argument(
         "--part", type=int, default=100_000, help="of the part (default 100000; 0: leave it out)"
@@ -170,7 +151,6 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=100, help="of 10 km in a town (default 100)")
     parser.add_argument("--processes", type=int, default=2, help="that do the work (default 2)")
     parser.add_argument("--most", type=int, default=4000, help="segments of a block (default 4000)")
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
     args = parser.parse_args()
     every = read_roads(args.roads)
     roads = town(every, args.town or len(every))

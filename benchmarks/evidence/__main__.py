@@ -12,7 +12,6 @@ appended, one that is condensed, and a rejection. ``--recent`` tries another num
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -24,13 +23,13 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from sqlalchemy import Engine, text
+from sqlalchemy import text
 
 from accuracy.adjustment_drives import Synthetic
+from accuracy.arguments import parser_of
 from accuracy.road_draws import PLANE, road_through
 from accuracy.scoring import show_progress, text_table, write_json
-from app.core import databases, migrate
-from app.core.db import Sessions, make_engine, session_factory
+from app.core.db import Sessions
 from app.embedded.cluster import EmbeddedPostgres
 from app.network import condensed, extracts, passes, solve, swap
 from app.roads import imports as roads
@@ -39,6 +38,7 @@ from fusion.network.pass_factor import PassFactor
 from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from service.adjustment import append
+from service.databases import new_database, vacuum
 
 STEPS = (10, 100, 300, 1_000, 10_000)
 SEGMENTS, LENGTH_M = 25, 80.0
@@ -70,20 +70,15 @@ STORED_COLUMNS = {"kind": ("stored, of a pass", ""), "bytes": ("bytes", ".0f")}
 class Street:
     """A database with the street in it."""
 
-    engine: Engine
     sessions: Sessions
     ids: Ints
 
     @classmethod
-    def new(cls, cluster: EmbeddedPostgres, name: str, table: RoadTable) -> Street:
-        """The street without a drive."""
-        databases.ensure_database(cluster.url, name)
-        migrate.upgrade(cluster.url_of(name))
-        engine = make_engine(cluster.url_of(name))
-        sessions = session_factory(engine)
+    def new(cls, sessions: Sessions, table: RoadTable) -> Street:
+        """The street without a drive, in an empty database."""
         roads.bring_in(sessions, table, Source("street.osm", "0" * 64, "street"), Path("no-dem"), USUAL)
         with sessions() as session:
-            return cls(engine, sessions, extracts.all_roads(session)[1])
+            return cls(sessions, extracts.all_roads(session)[1])
 
     def one(self, query: str) -> Any:
         """The one value of a query."""
@@ -93,11 +88,6 @@ class Street:
     def wal_bytes(self) -> int:
         """How much has been written to the log of all databases so far."""
         return int(self.one("SELECT pg_current_wal_insert_lsn() - '0/0'"))
-
-    def vacuum(self) -> None:
-        """Let the tables be what they are once the background has been through them."""
-        with self.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-            connection.execute(text("VACUUM ANALYZE"))
 
     def solved(self) -> tuple[solve.Solution, dict[str, float]]:
         """A solution of the whole street, and what it took."""
@@ -202,7 +192,7 @@ def grown(
                 store(full, batch)
             stored += len(batch)
             show_progress(f"{stored} of {most} passes a segment")
-        street.vacuum()
+        vacuum(street.sessions)
         with_condensed, figures = street.solved()
         row: dict[str, Any] = {"passes": step, **figures}
         if step <= without:
@@ -232,7 +222,7 @@ def rejections(street: Street) -> Written:
 
 def sizes(street: Street) -> dict[str, float]:
     """Bytes of a stored pass by relation, and of what is stored beside."""
-    street.vacuum()
+    vacuum(street.sessions)
     stored = int(street.one("SELECT count(*) FROM drive_passes"))
     with street.sessions() as session:
         out = {kind: float(size) / stored for kind, size in session.execute(text(_SIZES))}
@@ -244,25 +234,22 @@ def sizes(street: Street) -> dict[str, float]:
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--most", type=int, default=1000, help="passes over each segment")
     parser.add_argument("--without", type=int, default=300, help="up to so many also without sums")
     parser.add_argument("--recent", type=int, default=condensed.RECENT_PASSES)
-    parser.add_argument("--json", type=Path, help="write the figures to this file as well")
     args = parser.parse_args()
     condensed.RECENT_PASSES = args.recent
     table = the_street()
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
         EmbeddedPostgres(Path(folder)) as cluster,
+        new_database(cluster, "sums") as summing_up,
+        new_database(cluster, "every") as keeping_all,
     ):
-        street, full = (Street.new(cluster, name, table) for name in ("sums", "every"))
+        street, full = (Street.new(sessions, table) for sessions in (summing_up, keeping_all))
         rows, (appended, summed) = grown(street, full, Synthetic(table), args.most, args.without)
         turned, stored = rejections(street), sizes(street)
-        street.engine.dispose()
-        full.engine.dispose()
     written = {"appended": appended, "summed": summed, "rejection": turned}
     print(f"A street of {SEGMENTS} segments, {args.recent} recent passes; a solution of the whole street:")
     print(text_table(rows, STEP_COLUMNS), end="\n\n")

@@ -32,19 +32,19 @@ from pathlib import Path
 
 import httpx
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases
-from app.core.db import Sessions, make_engine, session_factory
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from app.map import figures
 from growth import made
 from growth.asked import Asked, box_of
+from service.databases import sessions_of
 from service.logs import make_logs
 from service.processes import Service
 
-HERE = Path(__file__).resolve().parents[2]
-MAPS = HERE.parent / "shared/data/maps"
+MAPS = REPOSITORY.parent / "shared/data/maps"
 ALONE = 3
 """Drives that are published and removed in each round."""
 Times = dict[str, list[float]]
@@ -52,9 +52,7 @@ Times = dict[str, list[float]]
 
 def main() -> None:
     """Parse the command line, make, ask, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--roads", type=Path, default=MAPS / "heidelberg-2024-09.test.osm.pbf")
     parser.add_argument("--region", type=Path, default=MAPS / "liechtenstein-2015-07.osm.pbf")
     parser.add_argument("--segments", default="1000000,10000000")
@@ -62,7 +60,6 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=40)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--keep", type=Path)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     counts = [int(count) for count in args.segments.split(",")]
     with ExitStack() as stack:
@@ -94,7 +91,7 @@ def main() -> None:
 
 def _sizes(service: Service) -> dict[str, int]:
     """Rows and bytes of a database, printed."""
-    with _sessions(service) as sessions:
+    with sessions_of(service.url) as sessions:
         rows, room = made.sizes(sessions), made.bytes_of_tables(sessions)
     print("\n" + ", ".join(f"{name} {value:,}" for name, value in rows.items()))
     print("MB: " + ", ".join(f"{name} {value / 1e6:.0f}" for name, value in room.items()))
@@ -111,7 +108,7 @@ def _made(
     """The service on a database of this size."""
     name = f"growth_{segments}"
     new = databases.ensure_database(cluster.url, name)
-    service = Service(HERE, libpq_url(cluster.url_of(name)), folder / name, threads=1)
+    service = Service(REPOSITORY, libpq_url(cluster.url_of(name)), folder / name, threads=1)
     service.command("migrate")
     if new:
         show_progress(f"{segments} segments: roads and drives")
@@ -120,18 +117,9 @@ def _made(
             for log in logs:
                 service.send(log)
             service.await_done()
-    with _sessions(service) as sessions:
+    with sessions_of(service.url) as sessions:
         made.grow(sessions, segments, round(segments * args.passes_each))
     return service
-
-
-@contextmanager
-def _sessions(service: Service) -> Iterator[Sessions]:
-    engine = make_engine(service.url)
-    try:
-        yield session_factory(engine)
-    finally:
-        engine.dispose()
 
 
 @contextmanager
@@ -145,7 +133,7 @@ def _running(service: Service) -> Iterator[None]:
 def _round(service: Service, times: Times, logs: list[bytes], region: Path) -> None:
     """Ask everything once."""
     with (
-        _sessions(service) as sessions,
+        sessions_of(service.url) as sessions,
         _running(service),
         httpx.Client(base_url=service.address, trust_env=False, timeout=600) as client,
     ):

@@ -19,6 +19,7 @@ from app.core.tables.network import DrivePass
 from app.map.derived.following import follow_all
 from app.network.cells import raise_versions
 from served.million import NUMBERS, Copy, copies, copies_there, copy_roads
+from service.databases import vacuum
 
 DAY_S = 86_400.0
 _MAPPED = """
@@ -110,10 +111,7 @@ def grow(sessions: Sessions, segments: int, passes: int) -> None:
             _copy_evidence(session, copy, times)
     with sessions.begin() as session:
         raise_versions(session, session.execute(_CELLS).scalars().all())
-    with sessions() as session:
-        session.connection(execution_options={"isolation_level": "AUTOCOMMIT"}).exec_driver_sql(
-            "VACUUM ANALYZE"
-        )
+    vacuum(sessions)
     show_progress("ways and low zooms")
     follow_all(sessions)
     show_progress("")

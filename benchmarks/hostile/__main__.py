@@ -33,7 +33,6 @@ Good is a p99 below 2 s of every kind, nothing away for more than 5 s, and every
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import shutil
@@ -47,6 +46,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from fusion.simulate.drive import simulate_drive
 from fusion.simulate.scene.town import Town, make_town
@@ -54,7 +54,7 @@ from fusion.simulate.write.csv_file import write_csv
 from fusion.simulate.write.dem_file import write_dem
 from fusion.simulate.write.osm_file import write_osm
 from hostile.attempts import ATTACKS
-from hostile.service import CHECKOUT, Attacked, attacked, environment
+from hostile.service import Attacked, attacked, environment
 from hostile.well_behaved import UPLOAD_EVERY_S, Client, Served, working
 
 MOST_P99_S, MOST_AWAY_S = 2.0, 5.0
@@ -101,14 +101,11 @@ class Row:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--seconds", type=float, default=20.0, help="of each attack")
     parser.add_argument("--attacks", nargs="*", choices=list(ATTACKS), default=list(ATTACKS), metavar="NAME")
     parser.add_argument("--same-address", action="store_true", help="attack from the client's own address")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="an empty folder to work in, which stays")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     folder = args.keep or Path(tempfile.mkdtemp(prefix="versant-hostile-"))
     folder.mkdir(parents=True, exist_ok=True)
@@ -171,7 +168,7 @@ def make(
         name: subprocess.Popen(
             [sys.executable, "-m", "hostile.attempts", name, str(service.port),
              "127.0.0.1" if same_address else f"127.0.0.{2 + k}", str(seconds), str(service.folder)],
-            cwd=CHECKOUT, env=environment(), stdout=subprocess.PIPE, text=True,
+            cwd=REPOSITORY, env=environment(), stdout=subprocess.PIPE, text=True,
         )
         for k, name in enumerate(names)
     }  # fmt: skip

@@ -14,9 +14,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from accuracy.arguments import REPOSITORY
 from hostile.well_behaved import request
+from service.processes import run_command
+from service.watching import children, command_of, descendants, pss_mb, repeated
 
-CHECKOUT = Path(__file__).resolve().parents[2]
 START_S, STOP_S = 180.0, 60.0
 LOOK_EVERY_S = 0.25
 LIMITED = ("/bin/sh", "-c", 'ulimit -S -n 1024; exec "$0" "$@"')
@@ -50,12 +52,7 @@ class Attacked:
 
     def command(self, *arguments: str) -> None:
         """Run a command on its database; ends the program where it fails."""
-        process = subprocess.run(
-            [sys.executable, "-m", "app.cli", *arguments, "--data-dir", str(self.folder / "data")],
-            cwd=CHECKOUT, env=environment(), capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if process.returncode:
-            sys.exit(f"{arguments[0]}: {process.stderr.strip()}")
+        run_command([*arguments, "--data-dir", str(self.folder / "data")], environment(), REPOSITORY)
 
     def get(self, path: str) -> tuple[int, bytes]:
         """Status and body; status 0 where there was no answer."""
@@ -64,7 +61,7 @@ class Attacked:
     def look(self) -> None:
         """Note what each of its processes takes now."""
         for child in children(self.process.pid):
-            role = "api" if "api" in _command(child) else "worker"
+            role = "api" if "api" in command_of(child) else "worker"
             for pid in (child, *descendants(child)):
                 self.memory.note(role, pss_mb(pid))
         with suppress(OSError, ValueError):
@@ -80,21 +77,13 @@ def attacked(folder: Path) -> Iterator[Attacked]:
     with log.open("w") as output:
         process = subprocess.Popen(
             [*LIMITED, sys.executable, "-m", "app.cli", "up", "--data-dir", str(folder / "data"), "--port", "0"],
-            cwd=CHECKOUT, env=environment(), stdout=subprocess.PIPE, stderr=output, text=True, start_new_session=True,
+            cwd=REPOSITORY, env=environment(), stdout=subprocess.PIPE, stderr=output, text=True, start_new_session=True,
         )  # fmt: skip
-    over = threading.Event()
     try:
         service = Attacked(folder, process, _port_of(process, log))
-
-        def watch() -> None:
-            while not over.wait(LOOK_EVERY_S):
-                service.look()
-
-        watching = threading.Thread(target=watch, daemon=True)
-        watching.start()
-        yield service
+        with repeated(service.look, LOOK_EVERY_S):
+            yield service
     finally:
-        over.set()
         process.send_signal(signal.SIGTERM)
         try:
             process.wait(STOP_S)
@@ -108,43 +97,11 @@ def environment() -> dict[str, str]:
     ours = {name: value for name, value in os.environ.items() if not name.startswith("VERSANT_")}
     return {
         **ours,
-        "PYTHONPATH": f"{CHECKOUT}:{CHECKOUT / 'benchmarks'}",
+        "PYTHONPATH": f"{REPOSITORY}:{REPOSITORY / 'benchmarks'}",
         "VERSANT_ACCESS": "open",
         "VERSANT_LOG_LEVEL": "WARNING",
         "PYTHONUNBUFFERED": "1",
     }
-
-
-def pss_mb(pid: int) -> float:
-    """A process's memory, MB; of what it shares with others its part. 0 where it has just ended."""
-    with suppress(OSError):
-        for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
-            if line.startswith("Pss:"):
-                return int(line.split()[1]) / 1024
-    return 0.0
-
-
-def children(pid: int) -> list[int]:
-    """The processes that a process has started and that are there."""
-    pids: list[int] = []
-    for path in Path(f"/proc/{pid}/task").glob("*/children"):
-        with suppress(OSError):
-            pids += map(int, path.read_text().split())
-    return pids
-
-
-def descendants(pid: int) -> list[int]:
-    """Its children, theirs and so on; forked ones have the same command line as their parent."""
-    pids = children(pid)
-    for one in pids:
-        pids += children(one)
-    return pids
-
-
-def _command(pid: int) -> list[str]:
-    with suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
-    return []
 
 
 def _port_of(process: subprocess.Popen[str], log: Path) -> int:

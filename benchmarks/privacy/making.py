@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -21,6 +20,7 @@ from pathlib import Path
 
 from sqlalchemy import text
 
+from accuracy.arguments import add_roads, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.caller import EDITION, TOLD
 from app.embedded.cluster import EmbeddedPostgres
@@ -30,8 +30,6 @@ from privacy.recording import Recorder
 from privacy.service import Server, Service
 from privacy.town import Trip, make_town
 
-HERE = Path(__file__).resolve().parents[2]
-HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
 OWNERS, WEEKS, SEED = 200, 4, 1
 _BYTES = text("""
     SELECT coalesce(sum(pg_total_relation_size(oid)), 0) FROM pg_class
@@ -56,16 +54,11 @@ class Stages:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--roads", type=Path, default=HEIDELBERG)
+    parser = parser_of(__doc__)
+    add_roads(parser)
     parser.add_argument("--drives", type=int, default=500)
     parser.add_argument("--more", type=int, default=20)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    if not args.roads.exists():
-        sys.exit(f"{args.roads}: not there")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,

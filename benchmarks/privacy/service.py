@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ import psycopg
 from psycopg import sql
 from sqlalchemy import make_url
 
+from accuracy.arguments import REPOSITORY
 from app.access.store import create_owner
 from app.core import databases, migrate
 from app.core.blobs import BlobStore
@@ -36,9 +36,9 @@ from fusion.roads.table import RoadTable
 from fusion.types import Ints
 from privacy.recording import Recorded
 from privacy.town import MONDAY_S, WEEK_S
+from service.databases import begun_drive, sessions_of
 from service.processes import Service as Process
 
-HERE = Path(__file__).resolve().parents[2]
 ROADS = "privacy_roads"
 
 
@@ -60,13 +60,8 @@ class Service:
 
     def store(self, owner: int, recorded: Recorded) -> uuid.UUID:
         """Store a drive of an owner as a worker does at its end, without solving."""
-        content = hashlib.sha256(uuid.uuid4().bytes).hexdigest()
         with as_caller(Caller("own", owner)), self.owned.begin() as session:
-            drive, _ = drives.create_drive(
-                session, sha256=content, filename="drive.csv", size_bytes=10, blob_key=f"drives/{content}",
-                method="profile", options={},
-            )  # fmt: skip
-            claims.mark_running(session, drive.id, drive.generation)
+            drive = begun_drive(session)
         with self.sessions.begin() as session:
             slopes.begin_change(session, drive.id, slopes.in_database(recorded.factors, self.ids))
             version = road_store.current_road_version(session)
@@ -105,7 +100,7 @@ class Service:
     def public(self, **settings: object) -> Iterator[httpx.Client]:
         """The service over HTTP, as a process of its own, as somebody without a key reaches it."""
         url = libpq_url(str(self.settings.database_url))
-        process = Process(HERE, url, self.settings.data_dir, threads=1)
+        process = Process(REPOSITORY, url, self.settings.data_dir, threads=1)
         asked = {f"VERSANT_{name.upper()}": str(value) for name, value in settings.items()}
         process.environment = {**process.environment, "VERSANT_ACCESS": "keys", **asked}
         with process.started("api", "--port", str(process.port)):
@@ -130,17 +125,13 @@ class Server:
         """Make the database that the others begin as."""
         databases.ensure_database(self.url, ROADS)
         migrate.upgrade(self._url_of(ROADS), finish=True)
-        engine = make_engine(self._url_of(ROADS))
-        import_roads(session_factory(engine), roads, self._settings(ROADS).dem_dir)
-        engine.dispose()
+        with sessions_of(self._url_of(ROADS)) as sessions:
+            import_roads(sessions, roads, self._settings(ROADS).dem_dir)
 
     def roads(self) -> tuple[RoadTable, Ints]:
         """All roads, and the service's number of each."""
-        engine = make_engine(self._url_of(ROADS))
-        with session_factory(engine)() as session:
-            roads, ids = extracts.all_roads(session)
-        engine.dispose()
-        return roads, ids
+        with sessions_of(self._url_of(ROADS)) as sessions, sessions() as session:
+            return extracts.all_roads(session)
 
     @contextmanager
     def service(self, name: str, ids: Ints) -> Iterator[Service]:

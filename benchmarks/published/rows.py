@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from accuracy.scoring import aligned
+
 _HEADER = ("quantity", "unit", "published", "ours: median", "least", "most", "seeds")
 _TEXT_COLUMNS = {"", "quantity", "unit", "published", "ours"}
 """Columns that stand to the left; figures stand to the right."""
@@ -61,8 +63,7 @@ def text_table(rows: Sequence[Row]) -> str:
     blocks = []
     for name, group in by_experiment(rows).items():
         table = _table(group)
-        widths = [max(len(line[k]) for line in table) for k in range(len(table[0]))]
-        lines = [_aligned(line, table[0], widths) for line in table]
+        lines = aligned(table, [name in _TEXT_COLUMNS for name in table[0]])
         blocks.append("\n".join([name, *lines, *_notes(group)]))
     return "\n\n".join(blocks)
 
@@ -166,9 +167,3 @@ def _notes(rows: Sequence[Row]) -> list[str]:
         if row.note:
             about.setdefault(row.note, []).append(row.quantity)
     return [f"- {'; '.join(dict.fromkeys(names))}: {note}" for note, names in about.items()]
-
-
-def _aligned(line: Sequence[str], head: Sequence[str], widths: Sequence[int]) -> str:
-    cells = zip(line, head, widths, strict=True)
-    parts = [text.ljust(w) if name in _TEXT_COLUMNS else text.rjust(w) for text, name, w in cells]
-    return "  ".join(parts).rstrip()

@@ -36,6 +36,7 @@ import osmium
 import rasterio
 from affine import Affine
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import rms, show_progress, text_table, write_json
 from app.batch.outputs import SolvedSource
 from app.cli.logs.fusing import Fusion
@@ -84,12 +85,10 @@ def main() -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("map", type=Path)
     parser.add_argument("--programs", type=Path, default=Path(os.environ.get("SUMO_HOME", ".")))
-    for name in ("--relief", "--keep", "--json"):
+    for name in ("--relief", "--keep"):
         parser.add_argument(name, type=Path)
     for name, usual in (("--drives", 60), ("--minutes", 15), ("--trips", 300)):
         parser.add_argument(name, type=int, default=usual)

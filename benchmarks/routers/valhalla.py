@@ -38,6 +38,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.batch.outputs import SolvedSource
 from app.cli.logs.fusing import Fusion
@@ -126,11 +127,9 @@ def _one_scene(scene: Scene, folder: Path, asked: argparse.Namespace, seed: int)
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("map", type=Path)
-    for name in ("--programs", "--relief", "--keep", "--json"):
+    for name in ("--programs", "--relief", "--keep"):
         parser.add_argument(name, type=Path)
     for name, usual in (("--drives", 60), ("--minutes", 15), ("--routes", 200)):
         parser.add_argument(name, type=int, default=usual)

@@ -21,13 +21,12 @@ heading (method ``gps-ins-ekf``, of Redmill's kind, 2.2.6), 2-D.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from fusion.arrays import nearest
 from fusion.frames import local_axes
@@ -183,14 +182,11 @@ def medians(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--seeds", type=int, default=6)
     parser.add_argument("--base-km", type=float, default=8.0)
     parser.add_argument("--solvers", nargs="+", default=["wls", "ekf", "one-sided"])
     parser.add_argument("--streets", nargs="+", default=list(SURROUNDINGS), choices=SURROUNDINGS)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     rows: list[dict[str, Any]] = []
     for streets in args.streets:

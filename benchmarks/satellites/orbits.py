@@ -37,8 +37,8 @@ from typing import Any
 import numpy as np
 import pyrtklib
 
+from accuracy.arguments import data_parser_of
 from accuracy.scoring import Row, rms, show_progress, text_table, write_json
-from accuracy.sequences import parser_of
 from fusion.gnss.orbits.glonass import glonass_states
 from fusion.gnss.orbits.kepler import kepler_states
 from fusion.gnss.orbits.satellites import LIMIT_S, states_at
@@ -218,7 +218,7 @@ def run(args: Namespace) -> tuple[list[Row], list[Row], list[str]]:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    args = parser_of(__doc__).parse_args()
+    args = data_parser_of(__doc__).parse_args()
     library, precise, alone = run(args)
     print(text_table(library, LIBRARY_COLUMNS), end="\n\n")
     print(text_table(precise, PRECISE_COLUMNS))

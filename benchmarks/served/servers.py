@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import httpx
 from sqlalchemy import text
 
 from app.core.db import Sessions
+from service.processes import await_answer, ended
 
 SCHEMA = "bench"
 PROPERTIES = ("slope_percent", "slope_sigma_percent", "drives", "highway", "oneway")
@@ -76,8 +74,9 @@ def tipg(python: Path, dsn: str, port: int) -> Iterator[None]:
         "TIPG_DB_SPATIAL_EXTENT": "false",
         "TIPG_DB_DATETIME_EXTENT": "false",
     }
-    with _process([str(python), "-c", _TIPG], settings):
-        _await(f"http://127.0.0.1:{port}/healthz")
+    process = subprocess.Popen([str(python), "-c", _TIPG], env={**os.environ, **settings})
+    with ended(process, 30):
+        await_answer(f"http://127.0.0.1:{port}/healthz")
         yield
 
 
@@ -86,30 +85,10 @@ def bare(dsn: str, port: int) -> Iterator[None]:
     """The bare endpoint, until the block ends."""
     here = Path(__file__).resolve().parents[1]
     command = [sys.executable, "-m", "uvicorn", "served.bare:app", "--host", "127.0.0.1", "--port", str(port)]
-    with _process(
-        [*command, "--no-access-log", "--log-level", "warning"], {"BENCH_DSN": dsn, "PYTHONPATH": str(here)}
-    ):
-        _await(f"http://127.0.0.1:{port}/healthz")
+    settings = {"BENCH_DSN": dsn, "PYTHONPATH": str(here)}
+    process = subprocess.Popen(
+        [*command, "--no-access-log", "--log-level", "warning"], env={**os.environ, **settings}
+    )
+    with ended(process, 30):
+        await_answer(f"http://127.0.0.1:{port}/healthz")
         yield
-
-
-@contextmanager
-def _process(command: list[str], settings: dict[str, str]) -> Iterator[None]:
-    process = subprocess.Popen(command, env={**os.environ, **settings})
-    try:
-        yield
-    finally:
-        process.send_signal(signal.SIGTERM)
-        process.wait(30)
-
-
-def _await(address: str) -> None:
-    ends = time.monotonic() + 60
-    while time.monotonic() < ends:
-        try:
-            if httpx.get(address, trust_env=False).status_code < 500:
-                return
-        except httpx.TransportError:
-            pass
-        time.sleep(0.1)
-    sys.exit(f"{address} did not answer within a minute")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import statistics
 import tempfile
 import time
@@ -10,13 +9,8 @@ import uuid
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from sqlalchemy import text
-
 from accuracy.adjustment_drives import Synthetic
-from app.core import databases, migrate
-from app.core.db import Sessions, make_engine, session_factory
-from app.drives import claims
-from app.drives import store as drives
+from app.core.db import Sessions
 from app.embedded.cluster import EmbeddedPostgres
 from app.network import extracts
 from app.network import results as slopes
@@ -28,30 +22,15 @@ from app.roads.documents import USUAL, Source
 from fusion.network.pass_factor import PassFactor
 from fusion.simulate.scene.town import make_town
 from fusion.types import Ints
+from service.databases import begun_drive, new_database, vacuum
 
 DRIVES, ROUTE_M = 40, 5_000.0
 
 
-def new_drive(sessions: Sessions) -> uuid.UUID:
-    """A drive that a worker has begun."""
-    content = uuid.uuid4().hex
-    with sessions.begin() as session:
-        drive, _ = drives.create_drive(
-            session,
-            sha256=hashlib.sha256(content.encode()).hexdigest(),
-            filename=f"{content}.csv",
-            size_bytes=10,
-            blob_key=f"drives/{content}",
-            method="profile",
-            options={},
-        )
-        claims.mark_running(session, drive.id, drive.generation)
-    return drive.id
-
-
 def append(sessions: Sessions, ids: Ints, factors: Sequence[PassFactor]) -> uuid.UUID:
     """Store what a drive says, as the worker does, and mark what has to be solved."""
-    drive = new_drive(sessions)
+    with sessions.begin() as session:
+        drive = begun_drive(session).id
     with sessions.begin() as session:
         slopes.begin_change(session, drive, slopes.in_database(factors, ids))
         version = road_store.current_road_version(session)
@@ -83,21 +62,16 @@ def service_part(repeat: int) -> dict[str, float]:
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
         EmbeddedPostgres(Path(folder)) as cluster,
+        new_database(cluster, "adjustment") as sessions,
     ):
-        databases.ensure_database(cluster.url, "adjustment")
-        migrate.upgrade(cluster.url_of("adjustment"))
-        engine = make_engine(cluster.url_of("adjustment"))
-        sessions = session_factory(engine)
         roads.bring_in(sessions, town.roads, Source("town.osm", "0" * 64, "town"), Path(folder, "dem"), USUAL)
         with sessions() as session:
             ids = extracts.all_roads(session)[1]
         for _ in range(DRIVES):
             append(sessions, ids, synthetic.drive(synthetic.route(ROUTE_M)))
         solve_all_marked(sessions)
-        with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-            connection.execute(text("VACUUM ANALYZE"))
+        vacuum(sessions)
         figures = measure(sessions, ids, lambda: synthetic.drive(synthetic.route(ROUTE_M)), repeat)
-        engine.dispose()
     print(
         f"service: {DRIVES} drives of {ROUTE_M / 1000:.0f} km through the town; one more published in "
         f"{figures['update_s']:.3f} s, taken back in {figures['removal_s']:.3f} s",

@@ -10,7 +10,6 @@ beside roads, all in one request. Aims: each query under 100 ms.
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import tempfile
@@ -22,9 +21,9 @@ import numpy as np
 from sqlalchemy import text
 from sqlalchemy.orm import Session
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import write_json
-from app.core import databases, migrate
-from app.core.db import Sessions, make_engine, session_factory
+from app.core.db import Sessions
 from app.embedded.cluster import EmbeddedPostgres
 from app.map import figures
 from app.map.heights.road_heights import heights_of, nearest
@@ -32,6 +31,7 @@ from app.map.heights.store import roads_near
 from app.network.cells import raise_versions
 from app.ops.admin.queries import QUERIES
 from app.ops.admin.store import Parameters
+from service.databases import new_database, vacuum
 
 READS = 11
 PLACES = 512
@@ -122,42 +122,33 @@ def measure(sessions: Sessions) -> dict[str, float]:
     return times_ms
 
 
-def fill(cluster: EmbeddedPostgres, drives: int, segments: int) -> None:
-    """The database `filled`."""
-    databases.ensure_database(cluster.url, "filled")
-    migrate.upgrade(cluster.url_of("filled"))
-    engine = make_engine(cluster.url_of("filled"))
-    with session_factory(engine).begin() as session:
+def fill(sessions: Sessions, drives: int, segments: int) -> None:
+    """Fill an empty database."""
+    with sessions.begin() as session:
         for statement in (*_ROADS.split(";"), *_DRIVES.split(";")):
             session.execute(text(statement), {"drives": drives, "segments": segments})
         cells = list(session.execute(text("SELECT DISTINCT cell FROM segments")).scalars())
         raise_versions(session, cells)
-    with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-        connection.execute(text("VACUUM ANALYZE"))
-    engine.dispose()
+    vacuum(sessions)
+    with sessions.begin() as session:
+        for statement in _MORE.split(";"):
+            session.execute(text(statement))
+    vacuum(sessions)
 
 
 def main() -> None:
     """Measure, print a table, write JSON."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--drives", type=int, default=100_000)
     parser.add_argument("--segments", type=int, default=1_000_000)
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
     chosen = parser.parse_args()
     with (
         tempfile.TemporaryDirectory(prefix="versant-bench-") as folder,
         EmbeddedPostgres(Path(folder)) as cluster,
+        new_database(cluster, "filled") as sessions,
     ):
-        fill(cluster, chosen.drives, chosen.segments)
-        engine = make_engine(cluster.url_of("filled"))
-        sessions = session_factory(engine)
-        with sessions.begin() as session:
-            for statement in _MORE.split(";"):
-                session.execute(text(statement))
-        with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
-            connection.execute(text("VACUUM ANALYZE"))
+        fill(sessions, chosen.drives, chosen.segments)
         times_ms = measure(sessions)
-        engine.dispose()
     for name, took_ms in times_ms.items():
         print(f"{name:<28}{took_ms:10.1f} ms")
     write_json(chosen.json, json.loads(json.dumps(times_ms)))

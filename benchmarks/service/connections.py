@@ -11,7 +11,6 @@ On an embedded cluster, with simulated drives of ten minutes. ``--checkout``: th
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import threading
 import time
@@ -22,13 +21,13 @@ from pathlib import Path
 import numpy as np
 import psycopg
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
 from fusion.simulate.demonstration import write_all
 from service.processes import Service
 
-HERE = Path(__file__).resolve().parents[2]
 LOOK_EVERY_S = 0.02
 SETTLES_S, WATCHED_S = 12.0, 30.0
 COLUMNS = {"what": ("", ""), "mean": ("mean", ".2f"), "most": ("most", ".0f"), "new_per_s": ("new/s", ".2f")}
@@ -100,19 +99,17 @@ def measured(service: Service, logs: list[bytes], lanes: int) -> list[Row]:
 
 def main() -> None:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--lanes", type=int, default=2)
     parser.add_argument("--drives", type=int, default=12)
-    parser.add_argument("--checkout", type=Path, default=HERE, help="whose service it is")
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--checkout", type=Path, default=REPOSITORY, help="whose service it is")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="versant-connections-") as name:
         folder = Path(name)
         town = write_all(folder / "town", args.drives, seed=1)
         with EmbeddedPostgres(folder, durable=False) as cluster:
             service = Service(args.checkout, libpq_url(cluster.url), folder / "data")
-            for command in (("migrate",), ("import-roads", str(town.osm)), ("import-dem", str(town.dem))):
-                service.command(*command)
+            service.set_up(town.osm, town.dem)
             rows = measured(service, [path.read_bytes() for path in town.drives], args.lanes)
     show_progress("")
     print(text_table(rows, COLUMNS))

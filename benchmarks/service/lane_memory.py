@@ -17,19 +17,16 @@ Aims: 100 MB (PSS) at rest, 600 MB at most, with and without what was compiled.
 
 from __future__ import annotations
 
-import argparse
-import re
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import psycopg
 
+from accuracy.arguments import ELEVATIONS, REPOSITORY, add_roads, parser_of
 from accuracy.logs import write_columns
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.settings.places import libpq_url
@@ -38,11 +35,8 @@ from fusion.roads.osm import read_roads
 from profile_speed import record
 from service.logs import APART_S, HOURS, columns_of
 from service.processes import Service
+from service.watching import children, command_of, pages_kb, repeated
 
-HERE = Path(__file__).resolve().parents[2]
-SHARED = HERE.parent / "shared/data"
-HEIDELBERG = SHARED / "maps/heidelberg-2024-09.test.osm.pbf"
-ELEVATIONS = SHARED / "karlsruhe/N49E008.hgt"
 LOOK_EVERY_S = 0.25
 AT_REST_S = 10.0
 PATIENCE_S = 600.0
@@ -68,13 +62,9 @@ class Lanes:
         """Look once; how many lanes there are."""
         lanes = [pid for pid in lanes_of(self.worker) if began(pid)]
         for pid in lanes:
-            with suppress(OSError, IndexError):
-                told = Path(f"/proc/{pid}/smaps_rollup").read_text()
-                figures = {
-                    k: float(v) / 1024 for k, v in re.findall(r"^(\w+):\s+(\d+) kB", told, re.MULTILINE)
-                }
-                self.pss_mb = max(self.pss_mb, figures["Pss"])
-                self.own_mb = max(self.own_mb, figures["Private_Clean"] + figures["Private_Dirty"])
+            if pages := pages_kb(pid):
+                self.pss_mb = max(self.pss_mb, pages["Pss"] / 1024)
+                self.own_mb = max(self.own_mb, (pages["Private_Clean"] + pages["Private_Dirty"]) / 1024)
                 self.seen.add(pid)
         return len(lanes)
 
@@ -82,23 +72,9 @@ class Lanes:
 def lanes_of(worker: int) -> list[int]:
     """The children of the worker's child: those that a compiler or a database command has begun are others."""
     found: list[int] = []
-    for nursery in children_of(worker):
-        found += [pid for pid in children_of(nursery) if b"app.cli\0worker" in command_of(pid)]
+    for nursery in children(worker):
+        found += [pid for pid in children(nursery) if command_of(pid)[2:4] == ["app.cli", "worker"]]
     return found
-
-
-def children_of(pid: int) -> list[int]:
-    """Processes that it has started and that run."""
-    with suppress(OSError):
-        return list(map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split()))
-    return []
-
-
-def command_of(pid: int) -> bytes:
-    """Its arguments, each ended by a zero."""
-    with suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_bytes()
-    return b""
 
 
 def began(pid: int) -> bool:
@@ -108,42 +84,22 @@ def began(pid: int) -> bool:
     return False
 
 
-@contextmanager
-def watched(lanes: Lanes) -> Iterator[None]:
-    """Look again and again until the block ends."""
-    over = threading.Event()
-
-    def watch() -> None:
-        while not over.wait(LOOK_EVERY_S):
-            lanes.look()
-
-    thread = threading.Thread(target=watch)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
-
-
 def main() -> None:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser = parser_of(__doc__)
     parser.add_argument("--minutes", type=float, default=8.0, help="of drives")
     parser.add_argument("--lanes", type=int, default=2)
-    parser.add_argument("--roads", type=Path, default=HEIDELBERG)
+    add_roads(parser)
     parser.add_argument("--dem", type=Path, default=ELEVATIONS)
     parser.add_argument("--empty-cache", action="store_true", help="nothing has been compiled before")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="versant-lanes-") as name:
         folder = Path(name)
         with EmbeddedPostgres(folder, durable=False) as cluster:
-            service = Service(HERE, libpq_url(cluster.url), folder / "data")
+            service = Service(REPOSITORY, libpq_url(cluster.url), folder / "data")
             if args.empty_cache:
                 service.environment = {**service.environment, "NUMBA_CACHE_DIR": str(folder / "compiled")}
-            for command in (("migrate",), ("import-roads", str(args.roads)), ("import-dem", str(args.dem))):
-                service.command(*command)
+            service.set_up(args.roads, args.dem)
             rows, figures = measured(service, args.roads, folder, args.minutes * 60, args.lanes)
     show_progress("")
     print(text_table(rows, COLUMNS))
@@ -167,7 +123,7 @@ def measured(
         rest = Lanes(worker.pid)
         rest.look()
         busy, drives, ends = Lanes(worker.pid), 0, time.monotonic() + lasting_s
-        with watched(busy):
+        with repeated(busy.look, LOOK_EVERY_S):
             while time.monotonic() < ends:
                 columns = columns_of(record(table, HOURS, drives)[0], drives * APART_S)
                 service.send(write_columns(columns, folder / "drive.csv").read_bytes())

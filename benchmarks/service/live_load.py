@@ -42,17 +42,17 @@ from typing import Any
 import numpy as np
 import psycopg
 
+from accuracy.arguments import REPOSITORY, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.blobs import BlobStore
-from app.core.db import make_engine, session_factory
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.drives.live.closing import Closer
 from app.embedded.cluster import EmbeddedPostgres
+from service.databases import sessions_of
 from service.live_phones import PATIENCE_S, batch, make_keys, post
 from service.processes import Service
 
-HERE = Path(__file__).resolve().parents[2]
 AGAIN_S = 1.0
 AFTER_KILL_S = 10.0
 """For so long after a kill requests wait for the service to start, and count as disturbed."""
@@ -93,9 +93,7 @@ class Outcome:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run it and print what came."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--devices", type=int, default=10_000)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--points", type=int, default=12)
@@ -103,7 +101,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--apis", type=int, default=2)
     parser.add_argument("--kills", type=int, default=2)
     parser.add_argument("--closed", type=int, default=200)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args(argv)
     rows, outcome = on_a_cluster(args)
     show_progress("")
@@ -125,7 +122,7 @@ def on_a_cluster(args: argparse.Namespace) -> tuple[list[dict[str, Any]], Outcom
         tempfile.TemporaryDirectory(prefix="versant-live-") as name,
         EmbeddedPostgres(Path(name) / "cluster") as cluster,
     ):
-        service = Service(HERE, libpq_url(cluster.url), Path(name) / "data")
+        service = Service(REPOSITORY, libpq_url(cluster.url), Path(name) / "data")
         service.command("migrate")
         return measured(args, service, Path(name) / "data")
 
@@ -258,17 +255,15 @@ def closed(url: str, folder: Path, streams: int) -> tuple[float, int]:
     """
     left = "SELECT count(*) FROM live_points WHERE stream_id IN (SELECT id FROM chosen)"
     settings = Settings(database_url=url, data_dir=folder)
-    engine = make_engine(url)
-    with psycopg.connect(url, autocommit=True) as connection:
+    with psycopg.connect(url, autocommit=True) as connection, sessions_of(url) as sessions:
         connection.execute(choose, (streams,))
         count = connection.execute(silence).rowcount
-        closer = Closer(session_factory(engine), BlobStore(settings.blob_store_url), settings)
+        closer = Closer(sessions, BlobStore(settings.blob_store_url), settings)
         begin = time.perf_counter()
         while closer.look():
             pass
         took_s = time.perf_counter() - begin
         (in_no_log,) = connection.execute(left).fetchone() or (0,)
-    engine.dispose()
     return 1000 * took_s / max(1, count), in_no_log
 
 

@@ -30,13 +30,12 @@ Aims: ``/healthz`` under 50 ms, the others under 1 s, throughout; 400 MB.
 
 from __future__ import annotations
 
-import argparse
+import itertools
 import math
 import os
 import shutil
 import sys
 import tempfile
-import threading
 import time
 import uuid
 from collections.abc import Iterator
@@ -48,6 +47,7 @@ from typing import Any
 import osmium
 import psycopg
 
+from accuracy.arguments import REPOSITORY, add_roads, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core import databases
 from app.core.settings.places import libpq_url
@@ -57,9 +57,8 @@ from service.logs import make_logs
 from service.memory import watched
 from service.probing import Answers, probing
 from service.processes import Service
+from service.watching import repeated
 
-HERE = Path(__file__).resolve().parents[2]
-HEIDELBERG = HERE.parent / "shared/data/maps/heidelberg-2024-09.test.osm.pbf"
 FILLED = "filled"
 REGION = "load"
 
@@ -105,17 +104,12 @@ class Load:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--roads", type=Path, default=HEIDELBERG)
+    parser = parser_of(__doc__)
+    add_roads(parser)
     parser.add_argument("--drives", type=int, default=60, help="to be removed, and as many to be drawn")
     parser.add_argument("--streams", type=int, default=600)
     parser.add_argument("--keep", type=Path, metavar="DIR")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    if not args.roads.exists():
-        sys.exit(f"{args.roads}: not there")
     with ExitStack() as held:
         folder = args.keep or Path(held.enter_context(tempfile.TemporaryDirectory(prefix="versant-load-")))
         folder.mkdir(parents=True, exist_ok=True)
@@ -136,7 +130,7 @@ def fill(cluster: EmbeddedPostgres, folder: Path, roads: Path, drives: int) -> N
     logs = make_logs(roads, drives, folder)
     without_some(roads, folder / "changed.osm.pbf")
     databases.ensure_database(cluster.url, FILLED)
-    service = Service(HERE, libpq_url(cluster.url_of(FILLED)), folder / FILLED)
+    service = Service(REPOSITORY, libpq_url(cluster.url_of(FILLED)), folder / FILLED)
     show_progress("roads")
     service.command("migrate")
     service.command("import-roads", str(roads), "--region", REGION)
@@ -167,7 +161,7 @@ def run(
         name = f"run_{uuid.uuid4().hex[:8]}"
         databases.ensure_database(cluster.url, name, template=FILLED)
         shutil.copytree(folder / FILLED, Path(scratch) / "data")
-        service = Service(HERE, libpq_url(cluster.url_of(name)), Path(scratch) / "data")
+        service = Service(REPOSITORY, libpq_url(cluster.url_of(name)), Path(scratch) / "data")
         # All of it comes from one address, which would else be one client among others.
         service.environment = {
             **service.environment,
@@ -259,28 +253,21 @@ def await_removed(connection: psycopg.Connection[Any]) -> None:
 @contextmanager
 def telling(url: str) -> Iterator[uuid.UUID]:
     """A drive that seems to be computed for as long as the block lasts, and tells its progress."""
-    channel, over = uuid.uuid4(), threading.Event()
+    channel, steps = uuid.uuid4(), itertools.count(1)
     insert = """
         INSERT INTO drives (id, sha256, filename, size_bytes, blob_key, status, stage, method, options)
         VALUES (%s, 'told', 'told', 1, 'told', 'running', 'estimating', 'raw', '{}')
     """
 
-    def tell() -> None:
-        with psycopg.connect(url, autocommit=True) as connection:
-            step = 0
-            while not over.wait(TELL_EVERY_S):
-                step = (step + 1) % 100
-                connection.execute("UPDATE drives SET progress = %s WHERE id = %s", (step / 100, channel))
-
     with psycopg.connect(url, autocommit=True) as connection:
         connection.execute(insert, (channel,))
-    thread = threading.Thread(target=tell)
-    thread.start()
-    try:
-        yield channel
-    finally:
-        over.set()
-        thread.join()
+
+        def tell() -> None:
+            share = next(steps) % 100 / 100
+            connection.execute("UPDATE drives SET progress = %s WHERE id = %s", (share, channel))
+
+        with repeated(tell, TELL_EVERY_S):
+            yield channel
 
 
 def tiles_of(url: str) -> tuple[str, str]:

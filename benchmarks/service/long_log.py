@@ -21,7 +21,6 @@ Aims: a million positions in 1.5 GB, 0.01 sigma between pieces and the whole, a 
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
@@ -33,6 +32,7 @@ import httpx
 import numpy as np
 import psycopg
 
+from accuracy.arguments import ELEVATIONS, REPOSITORY, add_roads, parser_of
 from accuracy.scoring import show_progress, text_table, write_json
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
@@ -45,8 +45,10 @@ from fusion.roads.osm import read_roads
 from fusion.roads.table import RoadTable
 from fusion.types import Floats
 from profile_speed import record
-from service.lane_memory import AT_REST_S, ELEVATIONS, HEIDELBERG, HERE, Lanes, await_lanes, watched
+from service.lane_memory import AT_REST_S, Lanes, await_lanes
+from service.lane_memory import LOOK_EVERY_S as LANES_EVERY_S
 from service.processes import Service
+from service.watching import repeated
 
 LOOK_EVERY_S = 0.05
 PATIENCE_S = 3600.0
@@ -79,15 +81,12 @@ def write_gpx(table: RoadTable, points: int, place: Path) -> bytes:
 
 def main() -> None:
     """Measure, print and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--points", default="200000,1000000")
     parser.add_argument("--whole", type=int, default=200_000, help="0: do not compare with the whole")
     parser.add_argument("--removals", type=int, default=6)
-    parser.add_argument("--roads", type=Path, default=HEIDELBERG)
+    add_roads(parser)
     parser.add_argument("--dem", type=Path, default=ELEVATIONS)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     table, figures = read_roads(args.roads), dict[str, Any]()
     with tempfile.TemporaryDirectory(prefix="versant-long-") as name:
@@ -96,9 +95,8 @@ def main() -> None:
             show_progress("in pieces and as one")
             figures["apart_sigma"] = apart_sigma(table, write_gpx(table, args.whole, folder / "log.gpx"))
         with EmbeddedPostgres(folder, durable=False) as cluster:
-            service = Service(HERE, libpq_url(cluster.url), folder / "data")
-            for command in (("migrate",), ("import-roads", str(args.roads)), ("import-dem", str(args.dem))):
-                service.command(*command)
+            service = Service(REPOSITORY, libpq_url(cluster.url), folder / "data")
+            service.set_up(args.roads, args.dem)
             logs = [int(points) for points in args.points.split(",")]
             figures |= measured(service, table, logs, folder, args.removals)
     show_progress("")
@@ -153,7 +151,7 @@ def measured(
             show_progress(f"{points:,} positions")
             log = write_gpx(table, points, folder / "log.gpx")
             lanes = Lanes(worker.pid)
-            with watched(lanes):
+            with repeated(lanes.look, LANES_EVERY_S):
                 address = service.send(log)
                 computed_s, written_s, left = computed(client, address)
             rows.append(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from service.watching import children, command_of, repeated
 
 LOOK_EVERY_S = 0.1
 
@@ -41,20 +42,10 @@ class Peak:
 @contextmanager
 def watched(pid: int) -> Iterator[Peak]:
     """Look again and again until the block ends."""
-    peak, over = Peak(), threading.Event()
-
-    def watch() -> None:
-        peak.look(pid)
-        while not over.wait(LOOK_EVERY_S):
-            peak.look(pid)
-
-    thread = threading.Thread(target=watch)
-    thread.start()
-    try:
+    peak = Peak()
+    peak.look(pid)
+    with repeated(lambda: peak.look(pid), LOOK_EVERY_S):
         yield peak
-    finally:
-        over.set()
-        thread.join()
 
 
 def family(pid: int) -> list[int]:
@@ -64,15 +55,9 @@ def family(pid: int) -> list[int]:
     """
     pids = [pid]
     for member in pids:
-        for children in Path(f"/proc/{member}/task").glob("*/children"):
-            with suppress(OSError):
-                parent = _command(member)
-                pids += [k for k in map(int, children.read_text().split()) if _command(k) != parent]
+        parent = command_of(member)
+        pids += [k for k in children(member) if command_of(k) != parent]
     return pids
-
-
-def _command(pid: int) -> bytes:
-    return Path(f"/proc/{pid}/cmdline").read_bytes()
 
 
 def _status_mb(pid: int) -> dict[str, float]:

@@ -7,8 +7,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 
 import httpx
@@ -16,7 +16,39 @@ import numpy as np
 import psycopg
 
 PATIENCE_S = 3600.0
+Process = subprocess.Popen[bytes]
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def run_command(arguments: Sequence[str], environment: Mapping[str, str], checkout: Path) -> None:
+    """Run a command of a checkout to its end; what it prints is told where it fails."""
+    process = subprocess.run(
+        [sys.executable, "-m", "app.cli", *arguments],
+        cwd=checkout, env=dict(environment), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if process.returncode:
+        sys.exit(f"{arguments[0]}: {process.stderr.strip()}")
+
+
+def await_answer(address: str) -> None:
+    """Until there is a good answer."""
+    ends = time.monotonic() + 60
+    while time.monotonic() < ends:
+        with suppress(httpx.TransportError):
+            if httpx.get(address, trust_env=False).is_success:
+                return
+        time.sleep(0.05)
+    sys.exit(f"{address} did not answer within a minute")
+
+
+@contextmanager
+def ended(process: Process, within_s: float) -> Iterator[Process]:
+    """Let a process go on until the block ends, and end it then."""
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.wait(within_s)
 
 
 class Service:
@@ -44,14 +76,14 @@ class Service:
 
     def command(self, *arguments: str) -> None:
         """Run a command to its end; what it prints is told where it fails."""
-        process = subprocess.run(
-            [sys.executable, "-m", "app.cli", *arguments],
-            cwd=self.checkout, env=dict(self.environment), capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        if process.returncode:
-            sys.exit(f"{arguments[0]}: {process.stderr.strip()}")
+        run_command(arguments, self.environment, self.checkout)
 
-    def begin(self, *arguments: str) -> subprocess.Popen[bytes]:
+    def set_up(self, roads: Path, dem: Path) -> None:
+        """Make the schema of an empty database, and bring in roads and heights."""
+        for command in (("migrate",), ("import-roads", str(roads)), ("import-dem", str(dem))):
+            self.command(*command)
+
+    def begin(self, *arguments: str) -> Process:
         """A command as a process beside this one, in a session of its own as under ``versant up``."""
         command = [sys.executable, "-m", "app.cli", *arguments]
         return subprocess.Popen(
@@ -62,27 +94,13 @@ class Service:
             start_new_session=True,
         )
 
-    @contextmanager
-    def started(self, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    def started(self, *arguments: str) -> AbstractContextManager[Process]:
         """A process that goes on until the block ends."""
-        process = self.begin(*arguments)
-        try:
-            yield process
-        finally:
-            process.send_signal(signal.SIGTERM)
-            process.wait(60)
+        return ended(self.begin(*arguments), 60)
 
     def await_ready(self) -> None:
         """Until the API answers."""
-        ends = time.monotonic() + 60
-        while time.monotonic() < ends:
-            try:
-                if httpx.get(f"{self.address}/readyz", trust_env=False).is_success:
-                    return
-            except httpx.TransportError:
-                pass
-            time.sleep(0.05)
-        sys.exit("the API was not ready within a minute")
+        await_answer(f"{self.address}/readyz")
 
     def send(self, log: bytes) -> str:
         """Upload a log; the drive's address."""

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from service.watching import children
+
 _BETWEEN, _COUNT = 11, 4
 """Of the fields of ``/proc/PID/stat`` behind the name: those before the times, and user and system time, of the process
 and of its children that ended."""
@@ -21,6 +23,5 @@ def used_s(pids: Iterable[int]) -> float:
             # The name, in brackets, may hold anything.
             fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
             ticks += sum(map(int, fields[_BETWEEN : _BETWEEN + _COUNT]))
-            for children in Path(f"/proc/{pid}/task").glob("*/children"):
-                left += map(int, children.read_text().split())
+            left += children(pid)
     return ticks / os.sysconf("SC_CLK_TCK")

@@ -20,7 +20,6 @@ than 0.01 sigma from it once the service is settled too. Then the exit status is
 
 from __future__ import annotations
 
-import argparse
 import random
 import secrets
 import shutil
@@ -34,11 +33,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from accuracy.arguments import parser_of
 from accuracy.scoring import show_progress, text_table, write_json
-from app.core.db import make_engine, session_factory
 from app.network.settle import settle_network
+from service.databases import sessions_of
 from soak import judging
-from soak.acts import Actor, Client, Killer, Ledger, Operator
+from soak.acts import Actor, Client, Common, Killer, Ledger, Operator
 from soak.disturbed import Disturbed, disturbed
 from soak.fleet import fleet
 from soak.judging import Far
@@ -90,9 +90,7 @@ class Result:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("--seconds", type=float, default=LONG_S)
     parser.add_argument("--seed", type=int, default=secrets.randbelow(10_000), help="default: any")
     parser.add_argument("--logs", type=int, default=40)
@@ -100,7 +98,6 @@ def main() -> None:
         "--machines", type=int, default=1, help="with lanes; more than 1: PgBouncer, a standby, 3 APIs"
     )
     parser.add_argument("--keep", type=Path, metavar="DIR", help="an empty folder to work in, which stays")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     folder = args.keep or Path(tempfile.mkdtemp(prefix="versant-soak-"))
     folder.mkdir(parents=True, exist_ok=True)
@@ -163,13 +160,13 @@ def disturb(
     over = threading.Event()
     begin = time.monotonic()
 
-    def common(name: str) -> tuple[Disturbed, Ledger, random.Random, threading.Event]:
-        return service, ledger, random.Random(f"{seed} {name}"), over  # noqa: S311 - no secret
+    def common(name: str) -> Common:
+        return Common(service, ledger, random.Random(f"{seed} {name}"), over)  # noqa: S311 - no secret
 
     pause_s = {n: max(LEAST_PAUSE_S, seconds / n) for n in (IMPORTS, KILLS)}
-    operator = Operator(*common("operator"), material, begin + CHANGING_SHARE * seconds, pause_s[IMPORTS])
-    actors: list[Actor] = [operator, Killer(*common("killer"), pause_s[KILLS])]
-    actors += [Client(*common(f"client {k}"), material, ACTS_EVERY_S) for k in range(CLIENTS)]
+    operator = Operator(common("operator"), material, begin + CHANGING_SHARE * seconds, pause_s[IMPORTS])
+    actors: list[Actor] = [operator, Killer(common("killer"), pause_s[KILLS])]
+    actors += [Client(common(f"client {k}"), material, ACTS_EVERY_S) for k in range(CLIENTS)]
     for actor in actors:
         actor.start()
     while (left_s := begin + seconds - time.monotonic()) > 0 and not any(actor.error for actor in actors):
@@ -199,11 +196,8 @@ def come_to_rest(service: Disturbed, operator: Operator) -> dict[str, int]:
 
 
 def _settle(service: Disturbed) -> None:
-    engine = make_engine(service.url)
-    try:
-        settle_network(session_factory(engine))
-    finally:
-        engine.dispose()
+    with sessions_of(service.url) as sessions:
+        settle_network(sessions)
 
 
 def _by_act(counts: Counter[tuple[str, str]]) -> dict[str, dict[str, int]]:

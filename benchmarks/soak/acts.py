@@ -14,6 +14,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import httpx
 
@@ -92,12 +93,21 @@ class Api:
         self.ask("reprocess all", "POST", "/v1/drives/reprocess?which=all")
 
 
+class Common(NamedTuple):
+    """What every actor has."""
+
+    service: Disturbed
+    ledger: Ledger
+    rng: random.Random
+    over: threading.Event
+
+
 class Actor(ABC):
     """Acts at random until it is told that it is over."""
 
-    def __init__(self, service: Disturbed, ledger: Ledger, rng: random.Random, over: threading.Event) -> None:
-        self.service, self.ledger, self.rng, self.over = service, ledger, rng, over
-        self.api = Api(service, ledger, rng)
+    def __init__(self, common: Common) -> None:
+        self.service, self.ledger, self.rng, self.over = common
+        self.api = Api(self.service, self.ledger, self.rng)
         self.error: BaseException | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -130,16 +140,8 @@ class Actor(ABC):
 class Client(Actor):
     """Uploads, deletes, asks anew, and looks."""
 
-    def __init__(
-        self,
-        service: Disturbed,
-        ledger: Ledger,
-        rng: random.Random,
-        over: threading.Event,
-        material: Material,
-        pause_s: float,
-    ) -> None:
-        super().__init__(service, ledger, rng, over)
+    def __init__(self, common: Common, material: Material, pause_s: float) -> None:
+        super().__init__(common)
         self._logs, self._mean_s = material.logs, pause_s
         self._map = [*map(TILE_PATH.format, material.tiles), "/collections/segments/items?driven=true"]
         self._acts: dict[Callable[[], None], int] = {
@@ -202,21 +204,12 @@ class Client(Actor):
 class Operator(Actor):
     """Imports roads: now these, now those, at last those that stay, after which all drives are asked for anew."""
 
-    def __init__(
-        self,
-        service: Disturbed,
-        ledger: Ledger,
-        rng: random.Random,
-        over: threading.Event,
-        material: Material,
-        changes_until_s: float,
-        pause_s: float,
-    ) -> None:
+    def __init__(self, common: Common, material: Material, changes_until_s: float, pause_s: float) -> None:
         """``changes_until_s`` (of ``time.monotonic``): the roads stay the same from there on."""
-        super().__init__(service, ledger, rng, over)
+        super().__init__(common)
         self._maps, self._until_s, self._mean_s = material.maps, changes_until_s, pause_s
         self.last = "as it is"
-        self.stays = rng.choice(list(material.maps))
+        self.stays = self.rng.choice(list(material.maps))
         """The roads at the end."""
         self.stay = False
         """Whether they are there."""
@@ -261,13 +254,11 @@ class Operator(Actor):
 class Killer(Actor):
     """Kills each kind of process once, then any."""
 
-    def __init__(
-        self, service: Disturbed, ledger: Ledger, rng: random.Random, over: threading.Event, pause_s: float
-    ) -> None:
-        super().__init__(service, ledger, rng, over)
+    def __init__(self, common: Common, pause_s: float) -> None:
+        super().__init__(common)
         self._mean_s = pause_s
-        self._first = list(service.kills)
-        rng.shuffle(self._first)
+        self._first = list(self.service.kills)
+        self.rng.shuffle(self._first)
 
     def pause_s(self) -> float:
         """Neither at once nor regularly."""

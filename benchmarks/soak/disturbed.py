@@ -10,7 +10,6 @@ import random
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from typing import Any, Protocol
 
 import psycopg
 
+from accuracy.arguments import REPOSITORY
 from app.cli.children import Child, Children, Watched, child_environment
 from app.cli.console import Console
 from app.cli.database import open_cluster
@@ -28,9 +28,8 @@ from app.cli.supervisor import DatabaseWatch, Service
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
+from service.watching import repeated
 from soak.servers import kill_server
-
-CHECKOUT = Path(__file__).resolve().parents[2]
 
 WORKERS = 2
 HEARTBEAT_S, STALLED_S, PUBLISH_EVERY_S = 1.0, 5.0, 5.0
@@ -120,7 +119,7 @@ class Disturbed:
         with self.log.open("ab") as output:
             return subprocess.Popen(
                 [sys.executable, "-m", "app.cli", *arguments],
-                cwd=CHECKOUT,
+                cwd=REPOSITORY,
                 env=child_environment(self.settings),
                 stdout=output,
                 stderr=output,
@@ -189,20 +188,13 @@ def log_into(log: Path, service: Children) -> None:
 @contextmanager
 def looked_after(service: Children, *others: Watched) -> Iterator[None]:
     """As ``versant up`` does, in a thread."""
-    over = threading.Event()
 
     def look() -> None:
-        while not over.wait(_LOOK_EVERY_S):
-            for part in (*others, *service.children):
-                part.look_after(service.console)
+        for part in (*others, *service.children):
+            part.look_after(service.console)
 
-    thread = threading.Thread(target=look)
-    thread.start()
-    try:
+    with repeated(look, _LOOK_EVERY_S):
         yield
-    finally:
-        over.set()
-        thread.join()
 
 
 def _kill_child(child: Child) -> bool:

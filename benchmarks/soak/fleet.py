@@ -6,7 +6,6 @@ folders of their own. Logs and rasters are in folders that all reach. Commands r
 
 from __future__ import annotations
 
-import threading
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -24,6 +23,7 @@ from app.core import migrate
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.embedded.cluster import EmbeddedPostgres
+from service.watching import repeated
 from soak.disturbed import Diary, Disturbed, Parts, log_into, looked_after, short_waits
 from soak.servers import PgBouncer, find_pgbouncer, kill_server, make_primary, make_standby
 
@@ -152,29 +152,21 @@ class Connections:
     @contextmanager
     def counted(self) -> Iterator[None]:
         """Count within the block."""
-        over = threading.Event()
 
         def look() -> None:
-            while not over.wait(LOOK_EVERY_S):
-                with suppress(psycopg.Error):  # it was killed
-                    self._count(
-                        "PgBouncer",
-                        dict(zip(("clients", "servers"), self._pooler.connections(), strict=True)),
-                    )
-                for server, url in self._servers.items():
-                    with (
-                        suppress(psycopg.Error),
-                        psycopg.connect(url, autocommit=True, connect_timeout=5) as there,
-                    ):
-                        self._count(server, dict(there.execute(_KINDS.encode()).fetchall()))
+            with suppress(psycopg.Error):  # it was killed
+                self._count(
+                    "PgBouncer", dict(zip(("clients", "servers"), self._pooler.connections(), strict=True))
+                )
+            for server, url in self._servers.items():
+                with (
+                    suppress(psycopg.Error),
+                    psycopg.connect(url, autocommit=True, connect_timeout=5) as there,
+                ):
+                    self._count(server, dict(there.execute(_KINDS.encode()).fetchall()))
 
-        thread = threading.Thread(target=look)
-        thread.start()
-        try:
+        with repeated(look, LOOK_EVERY_S):
             yield
-        finally:
-            over.set()
-            thread.join()
 
     def _count(self, where: str, kinds: dict[str, int]) -> None:
         self._looks[where] += 1

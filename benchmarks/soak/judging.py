@@ -15,9 +15,9 @@ import numpy as np
 import psycopg
 
 from app.core.blobs import BlobStore
-from app.core.db import make_engine, session_factory
 from app.map.tiles.store import mvt
 from fusion.formats.container import GZIP_MAGIC
+from service.databases import sessions_of
 from soak.acts import TILE_PATH, Ledger
 from soak.disturbed import Disturbed
 from soak.material import Material
@@ -102,9 +102,9 @@ def left(service: Disturbed) -> dict[str, int]:
     return {str(name): int(count) for name, count in service.ask(_LEFT)}
 
 
-def await_rest(service: Disturbed, within_s: float = REST_S) -> dict[str, int]:
+def await_rest(service: Disturbed) -> dict[str, int]:
     """Until nothing is left to be done; what is left after all."""
-    ends, pending = time.monotonic() + within_s, {"?": 1}
+    ends, pending = time.monotonic() + REST_S, {"?": 1}
     while pending and time.monotonic() < ends:
         time.sleep(0.3)
         try:
@@ -155,15 +155,16 @@ def drives_at_the_end(
 
 def other_tiles(service: Disturbed, material: Material) -> int:
     """Tiles that an API shows otherwise than the database has them, or with another ETag than another API."""
-    engine, wrong = make_engine(service.url), 0
-    try:
-        with session_factory(engine)() as session, httpx.Client(timeout=REST_S, trust_env=False) as client:
-            for at in material.tiles:
-                answers = [client.get(one + TILE_PATH.format(at)) for one in service.parts.addresses]
-                wrong += sum(one.content != mvt(session, *at) for one in answers)
-                wrong += len({one.headers.get("etag") for one in answers}) - 1
-    finally:
-        engine.dispose()
+    wrong = 0
+    with (
+        sessions_of(service.url) as sessions,
+        sessions() as session,
+        httpx.Client(timeout=REST_S, trust_env=False) as client,
+    ):
+        for at in material.tiles:
+            answers = [client.get(one + TILE_PATH.format(at)) for one in service.parts.addresses]
+            wrong += sum(one.content != mvt(session, *at) for one in answers)
+            wrong += len({one.headers.get("etag") for one in answers}) - 1
     return wrong
 
 

@@ -6,9 +6,8 @@ import random
 from collections.abc import Sequence
 from pathlib import Path
 
-from app.core import databases, migrate
 from app.core.blobs import BlobStore
-from app.core.db import Sessions, make_engine, session_factory
+from app.core.db import Sessions
 from app.core.settings import Settings
 from app.core.settings.places import libpq_url
 from app.drives import intake, publishing
@@ -18,6 +17,7 @@ from app.network.settle import settle_network
 from app.network.swap import solve_all_marked
 from app.roads.imports import import_roads
 from app.terrain.imports import import_dem
+from service.databases import new_database
 from soak.disturbed import Disturbed
 from soak.judging import Slopes, Surviving, slopes_of
 from soak.material import Material
@@ -34,13 +34,9 @@ def from_scratch(
     rng: random.Random,
 ) -> Slopes:
     """What is published of these drives on these roads when nothing ever goes wrong, settled."""
-    databases.ensure_database(service.cluster.url, DATABASE)
     settings = Settings(database_url=service.cluster.url_of(DATABASE), data_dir=folder)
-    url = str(settings.database_url)
-    migrate.upgrade(url, finish=True)
-    engine = make_engine(url)
-    try:
-        sessions, blobs = session_factory(engine), BlobStore(settings.blob_store_url)
+    with new_database(service.cluster, DATABASE) as sessions:
+        blobs = BlobStore(settings.blob_store_url)
         import_dem(sessions, [material.dem], settings.dem_dir)
         import_roads(sessions, material.maps[roads], settings.dem_dir)
         for drive in rng.sample(list(drives), len(drives)):
@@ -50,9 +46,7 @@ def from_scratch(
         publishing.finish(sessions, blobs)
         _require_done(sessions, len(drives))
         settle_network(sessions)
-        return slopes_of(libpq_url(url))
-    finally:
-        engine.dispose()
+        return slopes_of(libpq_url(str(settings.database_url)))
 
 
 def _require_done(sessions: Sessions, count: int) -> None:

@@ -158,9 +158,13 @@ def _say_damaged(unpacked: int, error: zlib.error, notes: Notes) -> None:
 
 
 def _refuse_bomb(unpacked: int, packed: int, max_bytes: int) -> None:
-    ratio_bomb = unpacked > BOMB_FREE_BYTES and unpacked > BOMB_RATIO * max(packed, 1)
-    if unpacked > max_bytes or ratio_bomb:
+    if unpacked > min(max_bytes, most_unpacked(packed)):
         raise MalformedLogError(say("gzip.bomb", size=_size(packed), unpacked=_size(unpacked)))
+
+
+def most_unpacked(packed_bytes: int) -> int:
+    """What so many bytes unpack to, in bytes, if they are no bomb."""
+    return max(BOMB_FREE_BYTES, BOMB_RATIO * max(packed_bytes, 1))
 
 
 def _size(count: int) -> str:
@@ -216,6 +220,7 @@ MOST_MEMBERS = 200
 """A drive has a handful of files; hourly navigation files of some days are the most that belong together."""
 _JUNK = re.compile(r"(^|/)(__MACOSX/|\._|\.DS_Store$|Thumbs\.db$|desktop\.ini$)")
 OTHER_DOCUMENTS = ("[Content_Types].xml", "doc.kml", "META-INF/MANIFEST.MF", "mimetype")
+_ENCRYPTED = 0x1
 _READ = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
 _LONGEST_NAME = 60
 
@@ -263,16 +268,20 @@ def _unpacked(
     bytes_left = max_bytes
     for info in infos:
         name = shown_name(info.filename)
-        if info.flag_bits & 1:
-            notes.warn(say("zip.encrypted", name=name))
-            continue
-        if info.compress_type not in _READ:
-            notes.warn(say("zip.unusual", name=name))
+        if why := why_unread(info):
+            notes.warn(why)
             continue
         content = _content(archive, info, bytes_left, notes)
         bytes_left -= len(content)
         if content:
             yield Member(name, content)
+
+
+def why_unread(info: zipfile.ZipInfo) -> str:
+    """Why a file in a zip is not read, as a sentence; empty where it is."""
+    if info.flag_bits & _ENCRYPTED:
+        return say("zip.encrypted", name=shown_name(info.filename))
+    return "" if info.compress_type in _READ else say("zip.unusual", name=shown_name(info.filename))
 
 
 def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, max_bytes: int, notes: Notes) -> bytes:
@@ -282,7 +291,7 @@ def _content(archive: zipfile.ZipFile, info: zipfile.ZipInfo, max_bytes: int, no
         with archive.open(info) as stream:
             while piece := stream.read(CHUNK_BYTES):
                 out += piece
-                bomb = len(out) > BOMB_FREE_BYTES and len(out) > BOMB_RATIO * max(info.compress_size, 1)
+                bomb = len(out) > most_unpacked(info.compress_size)
                 if bomb or len(out) > max_bytes:
                     raise MalformedLogError(
                         say(

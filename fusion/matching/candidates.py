@@ -13,7 +13,7 @@ import numpy as np
 from fusion.compiled import compiled, inlined
 from fusion.matching.chains import ChainGraph
 from fusion.matching.lattice import Candidates
-from fusion.roads.grid import SegmentGrid, clamp_cell
+from fusion.roads.grid import SegmentGrid, cells_around, items_in
 from fusion.types import Bools, Floats, Ints
 
 
@@ -84,8 +84,8 @@ def _search(
     cell, items = grid.start, grid.items
     while k < len(x):
         px, py, square, scale = x[k], y[k], radius[k] * radius[k], 0.5 / (sigma[k] * sigma[k])
-        low, high, bottom, top = _cells(grid, px, py, radius[k])
-        most = _items_in(cell, grid.columns, low, high, bottom, top)
+        low, high, bottom, top = cells_around(grid, px, py, radius[k])
+        most = items_in(cell, grid.columns, low, high, bottom, top)
         if count + 2 * most > len(edge):
             break
         with_heading = likely.heading_weight > 0.0 and not math.isnan(heading[k])
@@ -116,26 +116,6 @@ def _search(
         k += 1
         start[k] = count
     return k, count
-
-
-@inlined
-def _cells(grid: SegmentGrid, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
-    """First and last column, first and last row of the cells around a place."""
-    return (
-        clamp_cell(x - reach - grid.west, grid.cell_m, grid.columns),
-        clamp_cell(x + reach - grid.west, grid.cell_m, grid.columns),
-        clamp_cell(y - reach - grid.south, grid.cell_m, grid.rows),
-        clamp_cell(y + reach - grid.south, grid.cell_m, grid.rows),
-    )
-
-
-@inlined
-def _items_in(cell: Ints, columns: int, low: int, high: int, bottom: int, top: int) -> int:
-    """How many segments the cells list, some of them more than once."""
-    total = 0
-    for row in range(bottom, top + 1):
-        total += cell[row * columns + high + 1] - cell[row * columns + low]
-    return total
 
 
 @inlined

@@ -55,17 +55,14 @@ class ConstantsInformation:
         return cls(np.empty((0, 2), np.int64), SymmetricEntries.of_dense(np.zeros((0, 0))), np.zeros(0))
 
     @classmethod
-    def of_passes(
-        cls, passes: Sequence[PassFactor], weight: Floats | None = None, progress: Progress = no_progress
-    ) -> Self:
-        """What passes of one drive say, each on its own; ``weight`` (m,) is how much each is believed."""
+    def of_passes(cls, passes: Sequence[PassFactor], progress: Progress = no_progress) -> Self:
+        """What passes of one drive say, each on its own."""
         total = cls.nothing()
         for first in range(0, len(passes), PASSES_AT_ONCE):
             progress("saving", first / len(passes))
-            some = slice(first, first + PASSES_AT_ONCE)
-            portion = list(passes[some])  # of a long drive they are decoded where they are asked for
-            said = marginals_of(portion, None if weight is None else weight[some])
-            total = total + cls.of_marginals(portion, *said)
+            # of a long drive they are decoded where they are asked for
+            portion = list(passes[first : first + PASSES_AT_ONCE])
+            total = total + cls.of_marginals(portion, *marginals_of(portion))
         return total
 
     @classmethod
@@ -190,38 +187,31 @@ def settings_of(passes: Sequence[PassFactor]) -> Ints:
     return setting
 
 
-def marginals_of(passes: Sequence[PassFactor], weight: Floats | None = None) -> tuple[Floats, Floats]:
-    """Information (m, k, k) and vector (m, k) of each pass by itself over the k ``CONSTANTS``.
-
-    ``weight`` (m,) is how much each is believed.
-    """
+def marginals_of(passes: Sequence[PassFactor]) -> tuple[Floats, Floats]:
+    """Information (m, k, k) and vector (m, k) of each pass by itself over the k ``CONSTANTS``."""
     count = len(CONSTANTS)
     information, vector = np.empty((len(passes), count, count)), np.empty((len(passes), count))
     size = np.array([len(p.vector) for p in passes])
     for n in np.unique(size):
         mine = np.flatnonzero(size == n)
-        alike = [passes[k] for k in mine.tolist()]
-        information[mine], vector[mine] = _marginals(alike, None if weight is None else weight[mine])
+        information[mine], vector[mine] = _marginals([passes[k] for k in mine.tolist()])
     return information, vector
 
 
-def _marginals(passes: Sequence[PassFactor], weight: Floats | None) -> tuple[Floats, Floats]:
+def _marginals(passes: Sequence[PassFactor]) -> tuple[Floats, Floats]:
     """``marginals_of`` passes over equally many knots."""
-    weighted, right = np.array([p.information for p in passes]), np.array([p.vector for p in passes])
-    if weight is not None:
-        weighted *= weight[:, None, None]
-        right *= weight[:, None]
-    n = weighted.shape[1]
+    said, right = np.array([p.information for p in passes]), np.array([p.vector for p in passes])
+    n = said.shape[1]
     knots, count = n - NUISANCES, len(CONSTANTS)
     nuisances = np.arange(knots, knots + count)
     gone = np.concatenate([np.arange(knots), np.arange(knots + count, n)])
     prior = np.full(len(gone), FREE_INFORMATION)
     prior[1:knots:2] = GRADE_SIGMA**-2
-    inside = weighted[:, gone[:, None], gone] + np.diag(prior)
-    across = weighted[:, gone[:, None], nuisances]
+    inside = said[:, gone[:, None], gone] + np.diag(prior)
+    across = said[:, gone[:, None], nuisances]
     solved = np.linalg.solve(inside, np.concatenate([across, right[:, gone, None]], axis=2))
     back = across.transpose(0, 2, 1) @ solved
-    information = weighted[:, nuisances[:, None], nuisances] - back[:, :, :-1]
+    information = said[:, nuisances[:, None], nuisances] - back[:, :, :-1]
     return 0.5 * (information + information.transpose(0, 2, 1)), right[:, nuisances] - back[:, :, -1]
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fusion.compiled import compiled
+from fusion.compiled import compiled, inlined
 from fusion.types import Floats, Ints
 
 _MIN_CELL_M = 50.0  # no cell is smaller
@@ -66,11 +66,8 @@ def build_grid(x0: Floats, y0: Floats, x1: Floats, y1: Floats, oneway: NDArray[n
 @compiled
 def segments_within(grid: SegmentGrid, x: float, y: float, radius: float) -> Ints:
     """Indices, ascending, of the segments no farther than ``radius`` from (x, y)."""
-    first, last, low, high = cells_around(grid, x, y, radius)
-    total = 0
-    for row in range(low, high + 1):
-        total += grid.start[row * grid.columns + last + 1] - grid.start[row * grid.columns + first]
-    rows = np.empty(total, np.int64)
+    first, last, low, high = cells_around(grid, x, y, radius + _SLACK_M)
+    rows = np.empty(items_in(grid.start, grid.columns, first, last, low, high), np.int64)
     count = 0
     for row in range(low, high + 1):
         begin, end = grid.start[row * grid.columns + first], grid.start[row * grid.columns + last + 1]
@@ -83,16 +80,24 @@ def segments_within(grid: SegmentGrid, x: float, y: float, radius: float) -> Int
     return np.unique(rows[:count])
 
 
-@compiled
-def cells_around(grid: SegmentGrid, x: float, y: float, radius: float) -> tuple[int, int, int, int]:
+@inlined
+def cells_around(grid: SegmentGrid, x: float, y: float, reach: float) -> tuple[int, int, int, int]:
     """First and last column, first and last row of the cells that meet the square around a point."""
-    reach = radius + _SLACK_M
     return (
         clamp_cell(x - reach - grid.west, grid.cell_m, grid.columns),
         clamp_cell(x + reach - grid.west, grid.cell_m, grid.columns),
         clamp_cell(y - reach - grid.south, grid.cell_m, grid.rows),
         clamp_cell(y + reach - grid.south, grid.cell_m, grid.rows),
     )
+
+
+@inlined
+def items_in(start: Ints, columns: int, low: int, high: int, bottom: int, top: int) -> int:
+    """How many segments the cells list, some of them more than once."""
+    total = 0
+    for row in range(bottom, top + 1):
+        total += start[row * columns + high + 1] - start[row * columns + low]
+    return total
 
 
 @compiled

@@ -21,8 +21,8 @@ from fusion.formats import read_log
 from hostile import __main__ as hostile
 from hostile import inputs
 from hostile.attempts import ATTACKS, Attack
-from hostile.service import descendants, pss_mb
 from hostile.well_behaved import Answer, Client, Served, longest_away, request, served
+from service.watching import descendants, pss_mb
 
 
 class _Quick(BaseHTTPRequestHandler):

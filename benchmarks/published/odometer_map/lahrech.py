@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.scoring import rms
 from fusion.formats import read_log
 from fusion.methods.base import DriveResult
 from fusion.pipeline import run_drive
@@ -164,8 +165,8 @@ def against_truth(drive: SimulatedDrive, result: DriveResult) -> Figures:
         "horizontal position error, std": float(flat.std()),
         "horizontal position error, mean": float(flat.mean()),
         "horizontal position error, max": float(flat.max()),
-        "filter's own sigma, rms": _rms(sigma),
-        "error over own sigma, rms": _rms(flat / sigma),
+        "filter's own sigma, rms": rms(sigma),
+        "error over own sigma, rms": rms(flat / sigma),
         ODOMETER_ALONE: _odometer_alone_m(true, row),
         "3-D position error, std": float(length.std()),
         "3-D position error, mean": float(length.mean()),
@@ -181,10 +182,6 @@ def _odometer_alone_m(velocity_mps: Floats, row: Ints) -> float:
     way = np.hypot(velocity_mps[:, 0], velocity_mps[:, 1])
     outages = np.split(0.1 * way, np.flatnonzero(np.diff(row) > 1) + 1)
     return max(float(np.sqrt(np.sum(part**2))) for part in outages)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _rows(case: Case, figures: Sequence[Figures]) -> list[Row]:

@@ -24,14 +24,12 @@ more. Read here as an error of 10 % (one sigma) of what the wheels turn between 
 odometers do detect turns."""
 
 
-def lahrech_drive(
-    seed: int, *, wheels: WheelSet = TEN_PERCENT_WHEELS, receiver: str = "m8"
-) -> SimulatedDrive:
+def lahrech_drive(seed: int, *, wheels: WheelSet = TEN_PERCENT_WHEELS) -> SimulatedDrive:
     """A drive of 325 s at 1 Hz through the town of ``seed``, with wheels and two outages, of 40 s and of 31 s.
 
     It keeps to streets (neither motorway nor tunnel), goes at up to 16.5 m/s where they allow it, and halts at many
     junctions, as the paper says of its own. When the outages begin is drawn from the seed. The paper's receiver was a
-    Novatel of 2005 without corrections; ours stands in for it by ``receiver``. Its reference was differential GPS,
+    Novatel of 2005 without corrections; an M8 stands in for it. Its reference was differential GPS,
     here it is the truth.
     """
     town = make_town(seed)
@@ -49,7 +47,6 @@ def lahrech_drive(
         town,
         seed,
         DURATION_S,
-        receiver=receiver,
         outages=list(zip(begins, OUTAGES_S, strict=True)),
         route=route,
         wheels=wheels,

@@ -154,12 +154,13 @@ def beside(estimated: Estimated, reference: Estimated) -> Figures:
     return {f"{name}, beside GNSS alone": value for name, value in figures.items()}
 
 
-def best_altitude_std_m(receiver: str, seed: int, epochs: int = 549, draws: int = 200) -> float:
+def best_altitude_std_m(receiver: str, seed: int) -> float:
     """Spread about its mean of the altitude error of the best causal filter: the median of many drives, metres.
 
     A Kalman filter over the error of an altitude integrated from climbs, the receiver's bias and its Gauss-Markov
     error, with the variances by which they are drawn.
     """
+    epochs, draws = 549, 200
     p, rng = RECEIVERS[receiver], np.random.default_rng([seed, 60])
     decay = math.exp(-1.0 / p.vertical_s)
     move = np.array([1.0, 1.0, decay])

@@ -20,8 +20,6 @@ first drive.
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import statistics
 import tempfile
 import time
@@ -32,6 +30,8 @@ from typing import Any
 
 import numpy as np
 
+from accuracy.arguments import parser_of
+from accuracy.scoring import rms, write_json
 from accuracy.sequences import find_sequences, load_tool, make_log
 from fusion.catalogue import METHODS
 from fusion.formats import read_log
@@ -134,11 +134,6 @@ def errors(drive: Drive, slopes: Slopes) -> tuple[Floats, Floats]:
     return slope - np.array([drive.truth[key] for key in keys]), sigma
 
 
-def rms(values: Floats) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
 def row_of(
     name: str, drives: list[Drive], estimates: list[list[Slopes]], clouds: list[list[Slopes]]
 ) -> Figures:
@@ -219,9 +214,7 @@ def show(rows: list[Figures]) -> None:
 
 def main() -> None:
     """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
     parser.add_argument("data_dir", type=Path)
     parser.add_argument("--filters", default="ekf,kf", help="what to hold against the cloud")
     parser.add_argument("--roads", default="09,10,town")
@@ -232,13 +225,10 @@ def main() -> None:
     parser.add_argument("--cut", action="append", metavar="START:LENGTH", help="seconds without GNSS")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--roadtruth", type=Path)
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line sets it
     rows = run(args)
     show(rows)
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1))
+    write_json(args.json, rows)
 
 
 if __name__ == "__main__":

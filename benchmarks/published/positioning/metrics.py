@@ -58,9 +58,7 @@ def errors_enu_m(position_m: Floats, truth_m: Floats) -> Floats:
     return out
 
 
-def position_metrics(
-    time_s: Floats, solution: Solution, truth_m: Floats, up_m: float = UP_M
-) -> PositionMetrics:
+def position_metrics(time_s: Floats, solution: Solution, truth_m: Floats) -> PositionMetrics:
     """Compare a solution with true ECEF places (m, 3) at ``time_s`` (m,). Epochs without a truth are left out.
 
     Raises ``ValueError`` where no epoch has a truth.
@@ -70,7 +68,7 @@ def position_metrics(
         raise ValueError("no epoch has a true position: there is nothing to compare with")
     enu = errors_enu_m(solution.position_m, truth_m)[judged]
     flat, space = np.hypot(enu[:, 0], enu[:, 1]), np.linalg.norm(enu, axis=1)
-    mut, mdt = up_and_down_s(time_s[judged], space <= up_m)
+    mut, mdt = up_and_down_s(time_s[judged], space <= UP_M)
     solved = np.isfinite(space)
     horizontal, spatial = coverage(enu, truth_m[judged], solution.covariance[judged])
     return PositionMetrics(

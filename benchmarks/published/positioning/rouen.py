@@ -79,15 +79,7 @@ def winding_route(length_m: float, rng: np.random.Generator) -> Route:
     return Route(np.column_stack([xy, z]))
 
 
-def ride_along(
-    route: Route,
-    epochs: int,
-    speed_mps: float,
-    *,
-    interval_s: float = 1.0,
-    start_time_s: float = ROUEN_START_S,
-    plane: LocalProjection = ROUEN,
-) -> Ride:
+def ride_along(route: Route, epochs: int, speed_mps: float, *, interval_s: float = 1.0) -> Ride:
     """Drive a route at constant horizontal speed. Raises ``ValueError`` where it is too short for that."""
     along = route.along_m
     at = speed_mps * interval_s * np.arange(epochs, dtype=np.float64)
@@ -96,8 +88,8 @@ def ride_along(
             f"the route is {along[-1]:.0f} m long, {epochs} epochs at {speed_mps:.1f} m/s take {at[-1]:.0f} m"
         )
     line = CubicSpline(along, route.points_m + np.array([0.0, 0.0, ANTENNA_M]))
-    time_s = start_time_s + interval_s * np.arange(epochs, dtype=np.float64)
-    return Ride.on_plane(time_s, line(at), line(at, 1) * speed_mps, plane)
+    time_s = ROUEN_START_S + interval_s * np.arange(epochs, dtype=np.float64)
+    return Ride.on_plane(time_s, line(at), line(at, 1) * speed_mps, ROUEN)
 
 
 def stretch(route: Route, from_m: float, to_m: float) -> Floats:

@@ -20,12 +20,12 @@ from typing import IO
 
 from fusion.errors import LogError, MalformedLogError, UnknownFormatError
 from fusion.formats.container import (
-    BOMB_FREE_BYTES,
-    BOMB_RATIO,
     CHUNK_BYTES,
     OTHER_DOCUMENTS,
     is_zip,
+    most_unpacked,
     shown_name,
+    why_unread,
 )
 from fusion.messages import say
 
@@ -38,8 +38,6 @@ MOST_FILES = 200_000
 """More than anybody's rides."""
 _ADDED = re.compile(r"(^|/)(__MACOSX|\.[^/]*|Thumbs\.db|desktop\.ini|@eaDir)(/|$)")
 """Hidden files, and what systems add of their own."""
-_ENCRYPTED = 0x1
-_READ = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
 BROKEN = (
     zipfile.BadZipFile,
     zlib.error,
@@ -154,11 +152,8 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, depth: i
     def opened() -> AbstractContextManager[IO[bytes]]:
         return closing(archive.open(info))
 
-    fault = None
-    if info.flag_bits & _ENCRYPTED:
-        fault = LogError(say("zip.encrypted", name=shown_name(name)))
-    elif info.compress_type not in _READ:
-        fault = LogError(say("zip.unusual", name=shown_name(name)))
+    why = why_unread(info)
+    fault = LogError(why) if why else None
     file = File(name, info.file_size, opened, None, fault)
     if fault is not None:
         yield file
@@ -198,7 +193,7 @@ def copy_within(
     try:
         while piece := stream.read(CHUNK_BYTES):
             size += len(piece)
-            if size > most_bytes or (size > BOMB_FREE_BYTES and size > BOMB_RATIO * max(packed_bytes, 1)):
+            if size > min(most_bytes, most_unpacked(packed_bytes)):
                 raise MalformedLogError(say("archive.large_zip", most=most_bytes))
             write(piece)
     except BROKEN as error:

@@ -19,7 +19,7 @@ import numpy as np
 from fusion.errors import LogError, MalformedLogError
 from fusion.formats import FORMATS, MAX_BYTES, glance_at, in_short, refuse_head
 from fusion.formats.archives.sports import ON_ROADS, family
-from fusion.formats.container import BOMB_FREE_BYTES, BOMB_RATIO, CHUNK_BYTES, GZIP_MAGIC
+from fusion.formats.container import CHUNK_BYTES, GZIP_MAGIC, most_unpacked
 from fusion.formats.glance import EXCERPT_BYTES, HEAD_BYTES, Ends, Glance, Told, along_m
 from fusion.messages import say
 
@@ -78,7 +78,7 @@ def ends_of(stream: IO[bytes], max_bytes: int, packed_bytes: int | None = None) 
     ``packed_bytes``: how many it takes where it is packed; one that unpacks to too many times that is read no further.
     """
     head, tail, size, digest = bytearray(), b"", 0, hashlib.sha256()
-    most = max_bytes if packed_bytes is None else max(BOMB_FREE_BYTES, BOMB_RATIO * max(packed_bytes, 1))
+    most = max_bytes if packed_bytes is None else most_unpacked(packed_bytes)
     try:
         stream = _unpacked(stream)
         while size < min(max_bytes, most) and (piece := stream.read(CHUNK_BYTES)):

@@ -111,9 +111,7 @@ def halved(count: int) -> Ints:
     return np.array(parent, np.int64)
 
 
-def bisected(
-    network: RoadTable, most: int, executor: Executor | None = None, folder: Path | None = None
-) -> Partition:
+def bisected(network: RoadTable, most: int, folder: Path | None = None) -> Partition:
     """Blocks of at most ``most`` segments: the network is halved across its longer side as often as it takes."""
     north = 0.5 * (network.lat0_deg + network.lat1_deg)
     east = 0.5 * (network.lon0_deg + network.lon1_deg) * np.cos(np.radians(north.sum() / max(len(north), 1)))
@@ -137,7 +135,7 @@ def bisected(
     first = np.array([node for node, _ in leaves])
     named = np.concatenate([first, np.setdiff1d(np.arange(len(above)), first)])
     number_of = np.append(np.argsort(named), -1)
-    return Partition(block, executor, number_of[np.array(above)[named]], folder)
+    return Partition(block, None, number_of[np.array(above)[named]], folder)
 
 
 def homes(block: Ints, road: RoadUnknowns, drives: DriveBeliefs) -> Ints:

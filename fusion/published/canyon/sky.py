@@ -157,8 +157,8 @@ def _week_second(system: int, gps_s: Floats) -> Floats:
     return np.asarray(np.remainder(gps_s - (BEIDOU_LATE_S if system == BEIDOU else 0.0), WEEK_S))
 
 
-def look_up(navigation: Navigation, gps_s: Floats, antenna_m: Floats, lowest_rad: float = LOWEST_RAD) -> Sky:
-    """All satellites above ``lowest_rad`` at times of reception (m,) and antenna places (m, 3), ECEF.
+def look_up(navigation: Navigation, gps_s: Floats, antenna_m: Floats) -> Sky:
+    """All satellites above ``LOWEST_RAD`` at times of reception (m,) and antenna places (m, 3), ECEF.
 
     A satellite without a valid record at a time is not there.
     """
@@ -167,7 +167,7 @@ def look_up(navigation: Navigation, gps_s: Floats, antenna_m: Floats, lowest_rad
     pairs |= {(GLONASS, n) for n in glonass.number.tolist()}
     system, number = np.array(sorted(pairs), np.int64).reshape(-1, 2).T
     coarse = np.unique(np.append(np.arange(0, len(gps_s), _coarse_step(gps_s)), len(gps_s) - 1))
-    likely = _ever_up(navigation, system, number, gps_s[coarse], antenna_m[coarse], lowest_rad - _MARGIN_RAD)
+    likely = _ever_up(navigation, system, number, gps_s[coarse], antenna_m[coarse], LOWEST_RAD - _MARGIN_RAD)
     system, number = system[likely], number[likely]
     epoch = np.repeat(np.arange(len(gps_s)), len(system))
     system, number = np.tile(system, len(gps_s)), np.tile(number, len(gps_s))
@@ -178,7 +178,7 @@ def look_up(navigation: Navigation, gps_s: Floats, antenna_m: Floats, lowest_rad
         place = turned_by_earth(states.position_m, flight_s)
         flight_s = np.linalg.norm(place - antenna, axis=1) / LIGHT_MPS
     elevation, azimuth = elevation_azimuth(antenna, place)
-    up = states.known & (np.nan_to_num(elevation, nan=-np.pi) >= lowest_rad)
+    up = states.known & (np.nan_to_num(elevation, nan=-np.pi) >= LOWEST_RAD)
     return Sky(
         first=np.append(0, np.cumsum(np.bincount(epoch[up], minlength=len(gps_s)))),
         system=system[up],
@@ -207,7 +207,7 @@ def _ever_up(
     m, count = len(gps_s), len(system)
     states = states_at(navigation, np.tile(system, m), np.tile(number, m), np.repeat(gps_s, count))
     elevation, _ = elevation_azimuth(np.repeat(antenna_m, count, axis=0), states.position_m)
-    up = states.known & (np.nan_to_num(elevation, nan=-np.pi) >= lowest_rad)
+    up = states.known & (np.nan_to_num(elevation, nan=-np.pi) >= LOWEST_RAD)
     return np.flatnonzero(up.reshape(m, count).any(axis=0))
 
 

@@ -58,10 +58,10 @@ def refined(place_m: Floats, covariance_m2: Floats, neighbours: Neighbours) -> F
     return np.asarray(at)
 
 
-def contaminated(reflected: Bools, first: Ints, share: float = 0.25) -> Bools:
-    """Epochs (m,) of which a ``share`` of the satellites or more is received by reflections; rows (n,) are satellites'.
+def contaminated(reflected: Bools, first: Ints) -> Bools:
+    """Epochs (m,) of which a quarter of the satellites or more is received by reflections; rows (n,) are satellites'.
 
     ``first`` (m + 1,): where each epoch's rows begin.
     """
     total, count = np.concatenate([[0], np.cumsum(reflected)]), np.diff(first)
-    return np.asarray((total[first[1:]] - total[first[:-1]] >= share * count) & (count > 0))
+    return np.asarray((total[first[1:]] - total[first[:-1]] >= 0.25 * count) & (count > 0))

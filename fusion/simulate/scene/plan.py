@@ -85,13 +85,16 @@ class Plan:
         return (np.arange(1, count) + jitter) / count
 
 
-def warp(x_m: Floats, y_m: Floats, phase: Floats, size_m: float = 26.0) -> tuple[Floats, Floats]:
+_BEND_M = 26.0
+
+
+def warp(x_m: Floats, y_m: Floats, phase: Floats) -> tuple[Floats, Floats]:
     """Bend the drawing board smoothly (streets become curves); it fades out north of y = 480 m."""
     x, y = np.asarray(x_m, float), np.asarray(y_m, float)
     fade = np.clip((480.0 - y) / 150.0, 0.0, 1.0)
     dx = np.sin(y / 95.0 + phase[0]) * 0.6 + np.sin((x + y) / 160.0 + phase[1]) * 0.5
     dy = np.sin(x / 105.0 + phase[2]) * 0.6 + np.sin((x - y) / 150.0 + phase[3]) * 0.5
-    return x + size_m * fade * dx, y + size_m * fade * dy
+    return x + _BEND_M * fade * dx, y + _BEND_M * fade * dy
 
 
 def ring(plan: Plan, x_m: float, y_m: float, radius_m: float = 30.0, count: int = 8) -> list[int]:

@@ -93,8 +93,8 @@ def _add_crossings(grid: Grid) -> None:
     )
 
 
-def _choose_dropped(rng: np.random.Generator, count: int = 7) -> set[tuple[int, int, int, int]]:
-    """Residential edges that become footways; no two share a crossing: the grid stays in one piece."""
+def _choose_dropped(rng: np.random.Generator) -> set[tuple[int, int, int, int]]:
+    """Seven residential edges that become footways; no two share a crossing: the grid stays in one piece."""
     edges = [(i, j, i + 1, j) for i in range(6) for j in (1, 2, 4)]
     edges += [(i, j, i, j + 1) for i in (1, 5) for j in (0, 1, 4)]
     dropped: set[tuple[int, int, int, int]] = set()
@@ -102,7 +102,7 @@ def _choose_dropped(rng: np.random.Generator, count: int = 7) -> set[tuple[int, 
     for k in rng.permutation(len(edges)):
         edge = edges[k]
         ends = {edge[:2], edge[2:]}
-        if len(dropped) < count and not ends & used and _kind_of(edge).oneway == 0:
+        if len(dropped) < 7 and not ends & used and _kind_of(edge).oneway == 0:
             dropped.add(edge)
             used |= ends
     return dropped

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from accuracy.arguments import numbers
 from accuracy.logs import read_columns
 from accuracy.sequences import (
     NOISE_FREE,
@@ -14,7 +15,6 @@ from accuracy.sequences import (
     folder_of,
     load_tool,
     make_log,
-    numbers,
     road_file,
     tool_beside,
 )

@@ -7,15 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from accuracy.arguments import REPOSITORY
 from app.core.settings.places import libpq_url
-from service.live_load import HERE, Told, measured, rows_of
+from service.live_load import Told, measured, rows_of
 from service.live_phones import batch
 from service.processes import Service
 
 
 @pytest.mark.long("ten seconds of a service whose processes are killed")
 def test_no_point_is_lost_when_the_service_is_killed(database_url: str, tmp_path: Path) -> None:
-    service = Service(HERE, libpq_url(database_url), tmp_path)
+    service = Service(REPOSITORY, libpq_url(database_url), tmp_path)
     args = argparse.Namespace(devices=60, minutes=0.1, every=3.0, points=5, apis=1, kills=1, closed=20)
     rows, outcome = measured(args, service, tmp_path)
     assert (outcome.lost, outcome.twice, outcome.in_no_log) == (0, 0, 0)

@@ -92,16 +92,6 @@ def test_parts_add_up_in_any_order_and_can_be_taken_off(seed: int, cut: int, mou
     assert_same(same_keys, second, 1e-6)
 
 
-def test_passes_that_are_not_believed_say_nothing() -> None:
-    passes = some_passes(3, 6)
-    weight = np.array([1.0, 0.0, 0.5, 1.0, 0.0, 1.0])
-    believed = [
-        replace(p, information=w * p.information, vector=w * p.vector)
-        for p, w in zip(passes, weight, strict=True)
-    ]
-    assert_same(ConstantsInformation.of_passes(passes, weight), ConstantsInformation.of_passes(believed))
-
-
 @pytest.mark.parametrize("whole_up_to", [300, 0])
 @pytest.mark.parametrize("count", [0, 1, 9])
 def test_bytes_bring_back_every_bit(count: int, whole_up_to: int, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ def lines(network: RoadNetwork) -> np.ndarray:
 def near(network: RoadNetwork, x: float, y: float, radius: float) -> list[int]:
     """The segments no farther than ``radius`` from a place, ascending: those of the cells around it that are."""
     grid = network.grid
-    first, last, low, high = cells_around(grid, x, y, radius)
+    first, last, low, high = cells_around(grid, x, y, radius + 1e-6)
     found = set()
     for row in range(low, high + 1):
         begin, end = grid.start[row * grid.columns + np.array([first, last + 1])]
