@@ -1,0 +1,1 @@
+export{n as SegmentView}from"./SegmentView-DwKMndI8.js";

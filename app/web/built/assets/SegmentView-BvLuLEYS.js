@@ -1,1 +1,0 @@
-export{n as SegmentView}from"./SegmentView-CT3hyXsa.js";
