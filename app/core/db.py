@@ -79,6 +79,9 @@ def transaction_options(patience: Patience | None, schema: str | None = None) ->
 class ClosingPool(QueuePool):
     """Closes what comes back after it was given up: a thread that outlives its server still has a connection."""
 
+    _sqla_logger_namespace = (
+        "sqlalchemy.pool"  # a library's own words are logged as such, not as the service's
+    )
     _given_up = False
 
     def dispose(self) -> None:

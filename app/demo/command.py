@@ -47,7 +47,6 @@ def demo(
     from app.cli.children import stop_signals
     from app.cli.keys.commands import login_address
     from app.cli.keys.starting import first_link
-    from app.cli.supervisor import reach
     from app.demo.files import figures, map_page, write_files
     from app.demo.run import demo_service, run_demo
 
@@ -71,7 +70,7 @@ def demo(
                 )  # as it was called
                 tell("demo.on_a_map", program=program)
                 return
-            tell("demo.still", address=service.address, reach=reach(service.settings))
+            tell("demo.still", address=service.address)
             page, token = map_page(result.features), first_link(service.settings)
             opened = login_address(service.address, token, page) if token else service.address + page
             tell("demo.open", address=opened)

@@ -10,6 +10,7 @@ import uuid
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
+from urllib.parse import urlsplit
 
 import typer
 
@@ -136,13 +137,17 @@ def link(
     """Print an address that logs one browser in, once, within an hour; it may then do what the key may."""
     from app.access.store import create_link
     from app.cli.keys.finding import key_to_log_in
+    from app.core.settings.access import is_loopback
 
     console: Console = ctx.obj
     with sessions(data_dir) as (settings, factory), factory.begin() as session:
         key = key_to_log_in(session, key_id, settings.data_dir)
         token = create_link(session, key.id)
     console.note(say("keys.link", key=_described(key)))
-    typer.echo(login_address(server or settings.public_url or settings.server, token))
+    service = server or settings.public_url or settings.server
+    typer.echo(login_address(service, token))
+    if is_loopback(urlsplit(service).hostname or ""):
+        console.note(say("keys.link_here"))
 
 
 def login_address(service: str, token: str, page: str | None = None) -> str:

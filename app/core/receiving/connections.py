@@ -20,6 +20,7 @@ from app.core.errors import KINDS, BusyError, HeadTooLargeError, ServiceError, S
 from app.core.middleware import FOR_PROBES
 from app.core.problems import PROBLEM_JSON, problem_document, refuse
 from app.core.receiving.clients import Shares, client_of, is_within
+from app.core.receiving.sse import end_streams
 from app.core.settings import Settings
 
 HEAD_BYTES = 32 * 1024
@@ -156,6 +157,11 @@ class BoundedProtocol(HttpToolsProtocol):
         self.held_by.closed(self, self._holder, counted=self._counted)
         self._counted = False
         super().connection_lost(exc)
+
+    def shutdown(self) -> None:
+        """The server stops."""
+        end_streams()
+        super().shutdown()
 
     def data_received(self, data: bytes) -> None:
         """Parse it, unless the bytes to be held grow too large: a head, a field of it, trailers."""

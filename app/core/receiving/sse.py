@@ -11,6 +11,7 @@ import time
 from collections.abc import AsyncIterable, AsyncIterator, Awaitable, Callable, Collection
 from contextlib import suppress
 from typing import Any, Generic, TypeVar
+from weakref import WeakSet
 
 from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
@@ -45,6 +46,8 @@ class Follower(Generic[K, T]):
         self._join = join
         self.last: T | None = None
         """The news told last."""
+        self.over = False
+        """No more news will come."""
         self._waiting: T | None = None
         self._error: Exception | None = None
         self._told = asyncio.Event()
@@ -60,6 +63,11 @@ class Follower(Generic[K, T]):
         if self.last is None:
             self._error = error
             self._told.set()
+
+    def end(self) -> None:
+        """Nothing more is told."""
+        self.over = True
+        self._told.set()
 
     async def next(self, within_s: float | None = None) -> T | None:
         """What has changed since the last answer; None where nothing did in time. Raises what ``fail`` was given."""
@@ -108,6 +116,7 @@ class Followers(Generic[K, T]):
             )
         self._streams.take(client)
         follower = Follower[K, T](topic, client, self._join)
+        _FOLLOWING.add(follower)
         self._by_topic.setdefault(topic, set()).add(follower)
         return follower
 
@@ -120,6 +129,15 @@ class Followers(Generic[K, T]):
         self._streams.give_back(follower.client)
         if not others:
             del self._by_topic[follower.topic]
+
+
+_FOLLOWING: WeakSet[Follower[Any, Any]] = WeakSet()
+
+
+def end_streams() -> None:
+    """End all streams of this process, whose server stops: it would wait for their clients otherwise."""
+    for follower in list(_FOLLOWING):
+        follower.end()
 
 
 def event(name: str, data: str, number: int | None = None) -> str:
@@ -143,7 +161,7 @@ async def events_of(
             yield ": still here\n\n"
         elif text := event_of(news):
             yield text
-        if (news is not None and is_last(news)) or time.monotonic() > until:
+        if (news is not None and is_last(news)) or follower.over or time.monotonic() > until:
             return
         news = await follower.next(within_s=HEARTBEAT_S)
 

@@ -204,7 +204,7 @@ def test_reprocess_waits_for_the_whole_batch(run: Run, tmp_path: Path, failed: i
     command = ["--method", "raw", "--from-method", "dem", "--wait", "--json", str(figures)]
     result = run(batch_service(failed, method="raw", from_method="dem"), "reprocess", *command)
     assert result.exit_code == failed, result.output
-    assert "1 drive(s) are processed again so far; a worker puts the rest into the queue." in result.stdout
+    assert "1 drive is processed again so far; a worker puts the rest into the queue." in result.stdout
     assert f"{2 - failed} done, {failed} failed." in result.stdout
     counts = {"drives": 2, "running": 0, "done": 2 - failed, "failed": failed}
     written = json.loads(figures.read_text())
@@ -285,11 +285,11 @@ def test_the_real_service_counts_takes_on_and_calls_off(web: Any) -> None:
     listed = command("list")
     assert all(one in listed for one in drives)
     none = command("reprocess", "--all", "--dry-run")
-    assert "0 drive(s) would be processed again." in none
+    assert "0 drives would be processed again." in none
     assert "Nothing was chosen. No drive is done or failed. 2 drives are waiting or running already." in none
-    assert "0 drive(s) are processed again. Batch 1." in command("reprocess", "--failed", "--wait")
-    assert "Batch 1: 0 drive(s) still run, 0 done, 0 failed." in command("reprocess", "--cancel", "1")
-    assert "2 drive(s) are processed again." in command(
+    assert "0 drives are processed again. Batch 1." in command("reprocess", "--failed", "--wait")
+    assert "Batch 1: 0 still run, 0 done, 0 failed." in command("reprocess", "--cancel", "1")
+    assert "2 drives are processed again." in command(
         "reprocess", *(x for d in drives for x in ("--drive", d))
     )
     assert "queued" in command("show", drives[0])
@@ -310,18 +310,14 @@ def test_reprocess_of_the_real_service_says_what_it_leaves_out_and_why(web: Any)
 
     for which in ("--failed", "--all"):
         counted = command(which, "--dry-run")
-        assert counted.startswith(
-            "1 drive(s) would be processed again. 2 failed drives are left out, because"
-        )
+        assert counted.startswith("1 drive would be processed again. 2 failed drives are left out, because")
         assert "2 empty-log" in counted
-    assert "3 drive(s) would" in command("--failed", "--force", "--dry-run")
-    assert "2 drive(s) would" in command("--failure", "empty-log", "--dry-run")
-    assert command("--failed").startswith(
-        "1 drive(s) are processed again. Batch 1. 2 failed drives are left out"
-    )
+    assert "3 drives would" in command("--failed", "--force", "--dry-run")
+    assert "2 drives would" in command("--failure", "empty-log", "--dry-run")
+    assert command("--failed").startswith("1 drive is processed again. Batch 1. 2 failed drives are left out")
     with web.sessions.begin() as session:
         session.execute(text("UPDATE drives SET failure_version = '0.0.1'"))
-    assert "2 drive(s) would" in command("--failed", "--dry-run"), "another version may be able to read them"
+    assert "2 drives would" in command("--failed", "--dry-run"), "another version may be able to read them"
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def test_lost_and_restored_slopes_and_unused_nodes_are_told() -> None:
         "2 segments lose what was measured on them, because they were moved, split, merged or dropped. It is kept for "
         "some time, and comes back if they do.",
         "7 segments have back what was measured before they went.",
-        "4 drive(s) are computed again by themselves.",
+        "4 drives are computed again by themselves.",
         "7 node pairs of the file's roads are no segments (no length: 1, node missing from the file: 6).",
     ]
 
@@ -85,7 +85,7 @@ def test_regions_by_commands(
     assert "20 of the 20 measured segments of hill-town" in error
     assert "--yes" in error
     status, said, _ = run("regions", "remove", "hill-town", "--dry-run")
-    assert (status, "1 drive(s) would be computed again by themselves." in said) == (0, True)
+    assert (status, "1 drive would be computed again by itself." in said) == (0, True)
     status, said, _ = run("regions", "remove", "hill-town", "--yes")
     assert (status, f"region hill-town has 0 segments (0 kept, 0 added; {n} dropped)" in said) == (0, True)
     status, _, error = run("regions", "remove", "hill-town")

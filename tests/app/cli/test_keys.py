@@ -167,6 +167,14 @@ def test_a_link_is_an_address_alone_and_logs_in_once(run: Run, sessions: Session
     assert key_of_link(sessions, printed) is None
 
 
+def test_a_link_to_this_machine_says_how_to_lead_elsewhere(run: Run) -> None:
+    made(run, "--scope", "operate")
+    assert "name by --server the address" in run("link").stderr
+    elsewhere = run("link", "--server", "https://versant.example")
+    assert elsewhere.stdout.startswith("https://versant.example/login#link=")
+    assert "--server" not in elsewhere.stderr
+
+
 def test_a_link_is_valid_for_an_hour(run: Run, sessions: Sessions) -> None:
     made(run, "--scope", "operate")
     run("link")

@@ -33,6 +33,18 @@ def test_only_who_has_little_patience_is_hurried(database_url: str) -> None:
     assert shown(database_url, None) == ["0", "0"]
 
 
+@pytest.mark.parametrize("background", [False, True])
+def test_what_a_pool_does_is_told_to_nobody(
+    database_url: str, background: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    engine = make_engine(database_url, background=background)
+    with engine.connect() as connection:
+        connection.invalidate()
+    engine.dispose()
+    assert caplog.messages == []
+
+
 def test_a_connection_that_comes_back_after_the_end_is_closed(database_url: str) -> None:
     engine = make_engine(database_url)
     with engine.connect() as kept, engine.connect() as late:

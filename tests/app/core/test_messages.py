@@ -121,11 +121,27 @@ def pattern(text: ast.JoinedStr) -> str:
     return "".join(parts)
 
 
+def stages_of_operations() -> Iterator[str]:
+    """What long work on the map says that it is doing: the page of operators shows it."""
+    for path, tree in trees():
+        if not path.startswith(("app/roads/", "app/terrain/", "app/operations/", "app/network/")):
+            continue
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and "progress" in ast.unparse(node.func):
+                named = node.args[:1]
+            elif isinstance(node, ast.Yield) and isinstance(node.value, ast.Tuple):
+                named = node.value.elts[:1]
+            else:
+                continue
+            yield from (str(one.value) for one in named if isinstance(one, ast.Constant))
+
+
 def test_reasons_for_leaving_something_out_and_other_fixed_words_are_in_every_language() -> None:
     fixed = {kind.description for kind in FORMATS.values()} | {kind.title for kind in all_kinds().values()}
     for _, call in each_call():
         if isinstance(call.func, ast.Attribute) and call.func.attr == "skip":
             fixed |= {one.value for one in call.args[:1] if isinstance(one, ast.Constant)}
+    fixed |= set(stages_of_operations())
     for section in guides.sections():
         fixed |= {section.title, *(one.title for name, _ in section.pages if (one := guides.guide(name)))}
         fixed |= {sentence for _, sentence in section.pages}

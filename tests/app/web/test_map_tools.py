@@ -13,6 +13,7 @@ import pytest
 from app.exports.run import EXPORT
 from app.jobs.requests.run import perform
 from app.jobs.task import Work
+from app.web import guides
 from browser_fixtures import Tab
 from page_states.services import heights_where_it_is_steep
 from web_fixtures import SOUTH, STEP, WEST, Web
@@ -281,9 +282,12 @@ def test_proposals_of_incline_by_one_click(steep: Web, tab_maker: Callable[..., 
     body = asked.value.request.post_data_json
     assert (body["format"], body["options"]) == ("josm", {"min_drives": 3})
     panel.get_by_text("Open it in JOSM.", exact=False).wait_for()
-    assert panel.get_by_role("link", name="Proposals of incline in full").get_attribute("href") == (
-        "/docs/how-to/feed-routers-and-editors"
-    )
+    link = panel.get_by_role("link", name="Proposals of incline in full").get_attribute("href") or ""
+    page_of_guide, part = link.removeprefix("/docs/").split("#")
+    guide = guides.guide(page_of_guide)
+    assert guide is not None
+    assert part.startswith("proposals-of-incline")
+    assert part in [heading.id for heading in guide.headings]
     posts: list[str] = []
     page.on("request", lambda one: posts.append(one.url) if one.method == "POST" else None)
     page.reload()

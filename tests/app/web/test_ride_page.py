@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import uuid
 from collections.abc import Callable
@@ -109,3 +110,24 @@ def test_the_steepest_stretch_is_found_by_the_pointer(hilly: str, tab: Tab) -> N
 def test_a_ride_without_climbs_says_so(filled: Web, tab: Tab) -> None:
     page = opened(tab, f"{filled.base}/drives/{add_drive(filled.sessions, [0, 1], 3.0)}")
     expect(page.get_by_text("nowhere does the road gain 35 m")).to_be_visible()
+
+
+def test_the_result_is_shown_while_its_slopes_are_on_their_way_to_the_map(
+    hilly: str, filled: Web, tab: Tab
+) -> None:
+    drive = {"id": hilly.rsplit("/", 1)[1]}
+    stage = "UPDATE drives SET status = 'running', stage = :stage, {} WHERE id = :id"
+    with filled.sessions.begin() as session:
+        report = session.execute(text("SELECT report FROM drives WHERE id = :id"), drive).scalar_one()
+        session.execute(text(stage.format("report = NULL")), {**drive, "stage": "slopes"})
+    tab.page.goto(hilly)
+    expect(tab.page.get_by_text("This page shows the result by itself.")).to_be_visible()
+    expect(tab.page.locator("button.climb")).to_have_count(0)
+    with filled.sessions.begin() as session:
+        session.execute(
+            text(stage.format("report = cast(:report AS jsonb)")),
+            {**drive, "stage": "publishing", "report": json.dumps(report)},
+        )
+    expect(tab.page.get_by_text("Below is the result.")).to_be_visible()
+    expect(tab.page.locator("button.climb")).to_have_count(1)
+    expect(tab.page.locator(".u-over")).to_have_count(2)

@@ -66,6 +66,10 @@ def a_drive_that_waits_for_roads(look: Look) -> None:
     heights = look.page.get_by_role("figure", name=look.t("drive.chart.heights"))
     heights.get_by_text(look.t("drive.chart.log_height")).first.wait_for()
     assert look.page.get_by_role("figure", name=look.t("drive.chart.grades")).count() == 0
+    look.page.get_by_text(look.t("drive.chart.how_log")).wait_for()
+    look.page.get_by_text(look.t("drive.ride.ascent"), exact=True).wait_for()
+    look.page.get_by_role("heading", name=look.t("drive.ride.climbs")).wait_for()
+    assert look.page.get_by_text(look.t("drive.ride.unnamed")).count() == 0, "no road is known yet"
     assert look.page.locator(".drive-status.failed, main .error-text").count() == 0
     assert not look.page.locator(".roads-notice").is_visible()
     expect(look.page.locator(".waits-for").get_by_role("link").first).to_be_visible()
@@ -79,6 +83,9 @@ def a_drive_that_is_computed(look: Look) -> None:
     status = look.page.locator(".drive-status")
     expect(status).to_contain_text(look.like("drive.status.at", percent=40))
     expect(status).to_contain_text(look.like("drive.status.left"))
+    look.go(look.service.drive("reading"))
+    status = look.page.locator(".drive-status")
+    expect(status).to_contain_text(look.like("drive.status.at", stage=look.t("upload.stage.reading")))
 
 
 def choose(look: Look, *files: FilePayload) -> None:

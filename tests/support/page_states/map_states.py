@@ -209,7 +209,7 @@ def proposals_of_incline(look: Look) -> None:
     assert '"format":"josm"' in str(asked.value.request.post_data)
     made(look, asked.value)
     panel.get_by_role("link", name=re.compile("josm")).wait_for()
-    panel.get_by_text(look.t("tools.making.entries", n=1)).wait_for()
+    panel.get_by_text(look.t("tools.inclines.found", n=1)).wait_for()
     panel.get_by_text(look.t("tools.inclines.josm_1")).wait_for()
 
 

@@ -170,5 +170,9 @@ def bare(web: Web, ride: bytes) -> Iterator[Service]:
     execute(web.sessions, "UPDATE drives SET started_at = now() - interval '100 s'")
     waiting, _ = accept_upload(web.sessions, web.blobs, [ride + b"\n"], filename="waiting.csv", method="raw")
     process_drive(web.context, waiting.id, waiting.generation)
+    reading, _ = accept_upload(web.sessions, web.blobs, [ride + b"\n\n"], filename="log.csv", method="raw")
+    with web.sessions.begin() as session:
+        assert claims.mark_running(session, reading.id, reading.generation)
+        claims.set_progress(session, reading.id, reading.generation, "read csv", 0.1)
     with drives_computed(web):
-        yield Service(web, {"running": running.id, "waiting": waiting.id})
+        yield Service(web, {"running": running.id, "waiting": waiting.id, "reading": reading.id})

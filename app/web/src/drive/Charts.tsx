@@ -79,7 +79,7 @@ export function Charts({ profile }: { profile: Profile }) {
   return (
     <section class="card drive-charts" aria-labelledby="charts">
       <h2 id="charts">{t("drive.chart.title")}</h2>
-      <p class="quiet-text">{t("drive.chart.how")}</p>
+      <p class="quiet-text">{t(hasResult.value ? "drive.chart.how" : "drive.chart.how_log")}</p>
       <Chart {...shared} title={t("drive.chart.heights")} lines={height} unit="m" height={220} />
       {hasResult.value && (
         <Chart {...shared} title={t("drive.chart.grades")} lines={grade} unit="%" height={220} />

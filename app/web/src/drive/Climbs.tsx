@@ -4,6 +4,7 @@ import { distance, duration, number } from "../shared/format";
 import { t } from "../shared/texts";
 import type { Climb, RideStretch } from "./data";
 import { choose, chosen, nameOf, point, ride } from "./ride";
+import { hasResult } from "./state";
 
 /** A figure with its sigma. */
 function sure(value: number | null, sigma: number | null, unit: string, decimals = 0): string {
@@ -60,7 +61,7 @@ export function RideFigures() {
           <Choice name={nameOf(null)} kind="name">
             {grade(of.steepest)}
           </Choice>
-          <small>{road(of.steepest)}</small>
+          {hasResult.value && <small>{road(of.steepest)}</small>}
         </Figure>
       )}
     </dl>
@@ -75,8 +76,7 @@ function Details({ climb }: { climb: Climb }) {
         {climb.category
           ? t("drive.ride.category", { category: climb.category })
           : t("drive.ride.no_category")}
-        {" · "}
-        {road(climb)}
+        {hasResult.value && ` · ${road(climb)}`}
       </b>
       <span>
         {t("drive.ride.climb", {

@@ -5,7 +5,7 @@ import { failureText, isNoLog, reasonOf, whereOf } from "../shared/remarks";
 import { hasText, t } from "../shared/texts";
 import { WaitsForRoads } from "../shared/Waits";
 import { RetryButton } from "./Actions";
-import { addressOf, type Drive } from "./data";
+import { addressOf, type Drive, isComputed } from "./data";
 
 /** What the worker is, or was, doing: parts of a run besides the stages that the list of uploads knows. */
 export function stageOf(stage: string | null): string {
@@ -15,7 +15,7 @@ export function stageOf(stage: string | null): string {
 
 export function Waiting({ drive }: { drive: Drive }) {
   const percent = Math.round(100 * drive.progress);
-  const again = drive.report !== null;
+  const shown = drive.report === null ? "live" : isComputed(drive) ? "computed" : "old_shown";
   return (
     <section class="card drive-status" aria-labelledby="status">
       <h2 id="status">{t(`drive.status.${drive.status === "running" ? "running" : "queued"}`)}</h2>
@@ -28,7 +28,7 @@ export function Waiting({ drive }: { drive: Drive }) {
       {drive.remaining_s !== null && (
         <p class="quiet-text">{t("drive.status.left", { time: duration(drive.remaining_s) })}</p>
       )}
-      <p class="quiet-text">{t(again ? "drive.status.old_shown" : "drive.status.live")}</p>
+      <p class="quiet-text">{t(`drive.status.${shown}`)}</p>
     </section>
   );
 }

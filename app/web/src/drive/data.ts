@@ -4,6 +4,8 @@ import { ApiProblem, getJson } from "../shared/api";
 import type { Said } from "../shared/said";
 
 export type Drive = components["schemas"]["Drive"];
+/** Whether its run has left its result, whose slopes are on their way to the map. */
+export const isComputed = (drive: Drive) => drive.status === "running" && drive.stage === "publishing";
 export type Report = Record<string, unknown>;
 type Column = (number | null)[];
 

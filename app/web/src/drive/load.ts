@@ -7,6 +7,7 @@ import { t } from "../shared/texts";
 import {
   addressOf,
   type Drive,
+  isComputed,
   loadDrive,
   loadProfile,
   loadSegments,
@@ -140,7 +141,9 @@ function followDrive(): void {
   stopFollowing = () => source.close();
   source.addEventListener("drive", (event) => {
     const now = JSON.parse((event as MessageEvent<string>).data) as Drive;
+    const before = drive.peek();
     drive.value = now;
+    if (isComputed(now) && before && !isComputed(before)) void again();
     if (!ENDED.has(now.status)) return;
     source.close();
     if (now.status === "done" || now.waits_for) void again();

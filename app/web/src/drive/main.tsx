@@ -79,9 +79,11 @@ function Shown({ drive: now }: { drive: Drive }) {
       {(now.status === "queued" || now.status === "running") && <Waiting drive={now} />}
       {now.report === null && rows && (
         <>
+          <RideFigures />
           <div class="drive-top">
             <Track profile={rows} />
             <div class="drive-side">
+              <Climbs />
               <section class="card" aria-labelledby="figures">
                 <h2 id="figures">{t("drive.figure.title")}</h2>
                 <LogFigures drive={now} />

@@ -1,19 +1,16 @@
 /** The keys, and what can be done with each. */
 import { useSignal } from "@preact/signals";
 import { confirmed } from "../shared/Confirm";
-import { moment, UNKNOWN } from "../shared/format";
+import { dayText, moment, UNKNOWN } from "../shared/format";
 import { tellDone, tellError } from "../shared/Messages";
 import { may } from "../shared/session";
-import { currentLanguage, t } from "../shared/texts";
+import { t } from "../shared/texts";
 import { inOrder, isOwn, type Key, keys, revokeKey, rotateKey, stateOf } from "./state";
 
 /** A day without its time: the service keeps no more of a key's use. */
 function day(on: string | null): string {
   if (on === null) return t("keys.never");
-  return new Date(`${on}T12:00:00Z`).toLocaleDateString(currentLanguage(), {
-    dateStyle: "medium",
-    timeZone: "UTC",
-  });
+  return dayText(on);
 }
 
 interface Act {

@@ -1,16 +1,14 @@
 /** The receipt of a removal, for whoever has its address; it is asked for again until all is removed. */
 import { useEffect } from "preact/hooks";
-import { number, size, UNKNOWN } from "../shared/format";
-import { currentLanguage, t } from "../shared/texts";
+import { dayText, number, size, UNKNOWN } from "../shared/format";
+import { t } from "../shared/texts";
 import { load, receipt } from "./state";
 
 const LOOK_EVERY_MS = 5000;
 const COUNTS = ["drives", "bytes", "trials", "keys", "sessions", "exports", "webhooks", "zones"] as const;
 
 function day(on: string | null): string {
-  if (on === null) return UNKNOWN;
-  const noon = new Date(`${on}T12:00:00Z`);
-  return noon.toLocaleDateString(currentLanguage(), { dateStyle: "medium", timeZone: "UTC" });
+  return on === null ? UNKNOWN : dayText(on);
 }
 
 export function Receipt() {

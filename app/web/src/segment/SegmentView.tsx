@@ -2,6 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import { flyTo, showSelected } from "../map/state";
+import { creditLine } from "../shared/credit";
 import { distance, moment, number, slope } from "../shared/format";
 import { tellDone, tellError } from "../shared/Messages";
 import { may } from "../shared/session";
@@ -21,7 +22,7 @@ import {
 import { Heights } from "./Heights";
 import { useLoaded } from "./loading";
 import { Road, Sources } from "./Road";
-import { besideModel, compass, headline, share, steepest } from "./words";
+import { besideModel, compass, datumText, headline, share, steepest } from "./words";
 
 /** Terms and what is said of each. */
 export function Facts({ rows }: { rows: [string, ComponentChildren][] }) {
@@ -129,7 +130,7 @@ function Shown({ segment, profile, children }: ShownProps) {
           ],
         ]}
       />
-      {profile && <p class="quiet-text small">{t("segment.datum", { datum: profile.datum })}</p>}
+      {profile && <p class="quiet-text small">{datumText(profile.datum)}</p>}
       <h3>{t("segment.sure")}</h3>
       <Facts
         rows={[
@@ -167,7 +168,8 @@ function Shown({ segment, profile, children }: ShownProps) {
         copied={{ segment, profile }}
       />
       <p class="quiet-text small">
-        {t("segment.length_is", { length: distance(of.length_m) })} {profile?.attribution}
+        {t("segment.length_is", { length: distance(of.length_m) })}{" "}
+        {profile && creditLine(profile.attribution)}
       </p>
     </>
   );

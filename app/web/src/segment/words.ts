@@ -99,3 +99,11 @@ export function kinds(road: { bridge: boolean; tunnel: boolean; oneway: number }
     road.oneway === 1 ? t("segment.oneway_ab") : road.oneway === -1 ? t("segment.oneway_ba") : "",
   ].filter(Boolean);
 }
+
+/** What heights of the network refer to, as the service says it (`HEIGHT_DATUM`). */
+const LOGGED = "mean sea level as the receivers logged it, or the datum of control points near these";
+
+/** What heights refer to. */
+export function datumText(datum: string): string {
+  return datum === LOGGED ? t("segment.datum_logged") : t("segment.datum", { datum });
+}

@@ -1,5 +1,5 @@
 import { expect, test, vi } from "vitest";
-import { creditsIn, withCredits } from "./credit";
+import { creditLine, creditsIn, withCredits } from "./credit";
 
 vi.mock("./api", () => ({ getJson: undefined })); // it needs a page
 
@@ -20,4 +20,10 @@ test("the roads are always named, and what is said is no markup", () => {
   expect(withCredits(whole, ["A & B (CC BY 4.0)"])).toBe(`${ROADS}, elevation from A &#38; B (CC BY 4.0)`);
   expect(withCredits(whole, [])).toBe(ROADS);
   expect(withCredits(ROADS, ["x"])).toBe(ROADS);
+});
+
+test("the line of a document is said in the page's language, and its parts stay", () => {
+  const roads = "Roads © OpenStreetMap contributors, Open Database License (ODbL) 1.0";
+  expect(creditLine(roads)).toBe(roads);
+  expect(creditLine(`${roads}; elevation from A; B`)).toBe(`${roads}; elevation from A; B`);
 });

@@ -29,6 +29,13 @@ const escaped = (text: string) => text.replace(/[&<>"]/g, (one) => `&#${one.char
 const inOwnWords = (credit: string) =>
   credit.replace("© OpenStreetMap contributors", t("map.osm_contributors"));
 
+/** The line of plain text that a document has, in the visitor's language. */
+export function creditLine(attribution: string): string {
+  const [whose = "", elevation] = attribution.split("; elevation from ");
+  const roads = whose.replace("Roads © OpenStreetMap contributors", t("map.roads_by"));
+  return elevation === undefined ? roads : t("map.credit_line", { roads, elevation });
+}
+
 /** The service's own attribution with these credits of elevation in the place of all. */
 export function withCredits(attribution: string, credits: readonly string[]): string {
   const [roads = "", elevation] = inOwnWords(attribution).split(/(?<=<\/a>), elevation from /);

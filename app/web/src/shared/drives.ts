@@ -19,5 +19,9 @@ export function mapOf(bbox: readonly number[]): string {
 /** What the worker is doing, in words. */
 export function stageText(stage: string | null | undefined): string {
   const key = `upload.stage.${(stage ?? "begins").replaceAll(" ", "_")}`;
-  return hasText(key) ? t(key) : t("upload.stage_other", { stage: stage ?? "" });
+  if (hasText(key)) return t(key);
+  // By which format a log is read is nothing to whoever waits.
+  return stage?.startsWith("read ")
+    ? t("upload.stage.reading")
+    : t("upload.stage_other", { stage: stage ?? "" });
 }

@@ -46,3 +46,8 @@ test("what has no key, or one of another version, stays as the service wrote it"
   expect(inWords("Look.", { key: "bundle.of", parameters: { name: "a", sentence: inner } })).toBe("Look.");
   expect(inWords("Look.", { key: "drive.few_on_roads", parameters: {} })).toBe("Look.");
 });
+
+test("a region that is called as a word of ours keeps its name", () => {
+  const none = { key: "roads.has", parameters: { region: "roads", n: 2, there: "", gone: "" } };
+  expect(inWords("", none)).toMatch(/^Region roads hat 2 Abschnitte/);
+});

@@ -6,10 +6,12 @@ import json
 import resource
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
 
+from app.cli.service import GRACEFUL_S
 from app.core.receiving import connections
 from app.core.receiving.connections import HEAD_BYTES, MOST_HEADERS
 from app.core.settings import Settings
@@ -57,6 +59,23 @@ def test_a_connection_in_use_is_not_the_one_that_gives_way(bounded: Any) -> None
         with holding(bounded, HALF, 300, client="127.0.0.2"):
             first[0].sendall(b"\r\nConnection: close\r\n\r\n")
             assert answered(first[0]).startswith(b"HTTP/1.1 200 ")
+
+
+def test_a_server_that_stops_ends_its_streams(
+    settings: Settings, server_maker: Callable[[Settings], Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nobody waits for the grace of requests, and nothing is cancelled, which the log would be full of."""
+    stream = b"GET /v1/changes/events HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    with ExitStack() as held:
+        with server_maker(settings) as web:
+            (client,) = held.enter_context(holding(web, stream))
+            begun = client.recv(65536)
+            while b"event: " not in begun:
+                begun += client.recv(65536)
+            stopped = time.monotonic()
+        assert time.monotonic() - stopped < GRACEFUL_S
+        assert answered(client).endswith(b"0\r\n\r\n"), "it is whole"
+    assert [one for one in caplog.messages if "Cancel" in one or "Exception" in one] == []
 
 
 def test_beyond_its_requests_at_once_a_client_gets_probes_alone(bounded: Any) -> None:

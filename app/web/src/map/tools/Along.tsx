@@ -4,9 +4,10 @@ import type { components } from "../../api/schema";
 import { pointedPlace } from "../../segment/data";
 import { useLoaded } from "../../segment/loading";
 import { Facts } from "../../segment/SegmentView";
-import { share } from "../../segment/words";
+import { datumText, share } from "../../segment/words";
 import { api, got } from "../../shared/api";
 import { Chart, chartLink, type Line } from "../../shared/Chart";
+import { creditLine } from "../../shared/credit";
 import { distance, number } from "../../shared/format";
 import { t } from "../../shared/texts";
 import type { Position } from "../state";
@@ -99,8 +100,8 @@ function Shown({ heights }: { heights: Heights }) {
         onHover={point}
       />
       <p class="quiet-text small">{t("tools.profile.note")}</p>
-      <p class="quiet-text small">{t("segment.datum", { datum: heights.datum })}</p>
-      <p class="quiet-text small">{heights.attribution}</p>
+      <p class="quiet-text small">{datumText(heights.datum)}</p>
+      <p class="quiet-text small">{creditLine(heights.attribution)}</p>
     </>
   );
 }

@@ -12,9 +12,10 @@ const LEAST_DRIVES = 2;
 export default function Inclines() {
   const { make, ...making } = useMaking();
   const [editor, choose] = useState<(typeof EDITORS)[number]>("josm");
+  const least = Math.max(LEAST_DRIVES, leastDrives.value);
   const ask = (format: (typeof EDITORS)[number]) => {
     choose(format);
-    make({ format, options: { min_drives: Math.max(LEAST_DRIVES, leastDrives.value) } });
+    make({ format, options: { min_drives: least } });
   };
   useEffect(() => {
     if (clicked.now === "inclines" && mayMake()) ask("josm");
@@ -23,7 +24,7 @@ export default function Inclines() {
   if (!mayMake()) return <OnlyWithKey />;
   return (
     <>
-      <p>{t("tools.inclines.what")}</p>
+      <p>{t("tools.inclines.what", { n: least })}</p>
       <div class="buttons panel-actions">
         {EDITORS.map((one) => (
           <button
@@ -37,7 +38,7 @@ export default function Inclines() {
           </button>
         ))}
       </div>
-      <Making {...making} nothing={t("tools.inclines.nothing")} />
+      <Making {...making} nothing={t("tools.inclines.nothing")} holds="tools.inclines.found" />
       <h3>{t("tools.inclines.then")}</h3>
       <ol class="steps">
         {([1, 2, 3] as const).map((n) => (
@@ -46,7 +47,9 @@ export default function Inclines() {
       </ol>
       <p class="note">{t("tools.inclines.careful")}</p>
       <p class="quiet-text small">
-        <a href="/docs/how-to/feed-routers-and-editors">{t("tools.inclines.more")}</a>
+        <a href="/docs/how-to/feed-routers-and-editors#proposals-of-incline-maproulette-and-josm">
+          {t("tools.inclines.more")}
+        </a>
       </p>
     </>
   );

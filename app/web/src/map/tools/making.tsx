@@ -68,11 +68,14 @@ export function Making({
   why,
   busy,
   nothing,
+  holds = "tools.making.entries",
 }: {
   made: Export | null;
   why: string;
   busy: boolean;
   nothing: string;
+  /** Says how many of what the file holds. */
+  holds?: "tools.making.entries" | "tools.inclines.found";
 }) {
   const failed =
     why ||
@@ -102,7 +105,7 @@ export function Making({
             </a>
           </p>
           <p class="quiet-text small">
-            {size(made.size_bytes)} · {t("tools.making.entries", { n: made.entries ?? 0 })} ·{" "}
+            {size(made.size_bytes)} · {t(holds, { n: made.entries ?? 0 })} ·{" "}
             {t("tools.making.kept", { moment: moment(made.expires_at) })}
           </p>
           {made.notes.map((one, n) => (

@@ -1,4 +1,4 @@
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import { columnOf } from "./draw";
 import { elapsed, known, type Line, nearest, place, spread, ticks, written } from "./lines";
 import { zoomedRange } from "./moves";
@@ -54,8 +54,12 @@ test("zoom stays inside and ends at all", () => {
   expect(zoomedRange([0, 100], [0, 40], null, 1, 0.5)).toEqual([20, 60]);
 });
 
-test("a day has no hours, wherever the visitor is", () => {
+test("a day has no hours, wherever the visitor is, and is written as there", () => {
   const at = Date.parse("2026-11-20T00:00:00Z") / 1000;
+  vi.stubGlobal("navigator", { languages: ["en-GB"] });
+  expect(place("day", at)).toBe("20 Nov 2026");
+  expect(ticks("day", [at, at + 86_400], 86_400)).toEqual(["20 Nov", "21 Nov"]);
+  vi.stubGlobal("navigator", { languages: ["en-US"] });
   expect(place("day", at)).toBe("Nov 20, 2026");
   expect(ticks("day", [at, at + 86_400], 86_400)).toEqual(["Nov 20", "Nov 21"]);
 });

@@ -1,7 +1,7 @@
 /** What a chart shows, and how its values are written. Knows nothing of how it is drawn. */
 import { signal } from "@preact/signals";
 import { distance, moment, number, UNKNOWN } from "../format";
-import { currentLanguage } from "../texts";
+import { ownForm } from "../texts";
 
 /** Colours that a line can have, by what it says; each has a value for light and for dark ground in chart.css. */
 export type ChartColour = "measured" | "model" | "other" | "fourth" | "quiet" | "danger" | "climb";
@@ -80,7 +80,7 @@ export function place(axis: Axis, x: number): string {
 
 /** A day of UTC: it has no hours, whatever the visitor's time zone. */
 function dayOf(x: number, style: Intl.DateTimeFormatOptions): string {
-  return new Date(x * 1000).toLocaleDateString(currentLanguage(), { timeZone: "UTC", ...style });
+  return new Date(x * 1000).toLocaleDateString(ownForm(navigator.languages), { timeZone: "UTC", ...style });
 }
 
 function distanceFull(metres: number): string {
@@ -113,7 +113,7 @@ export function ticks(axis: Axis, splits: number[], span: number): string[] {
         ? { day: "numeric", month: "short" }
         : { month: "short", year: "numeric" };
   if (axis === "day") return splits.map((x) => dayOf(x, style));
-  const format = new Intl.DateTimeFormat(currentLanguage(), style);
+  const format = new Intl.DateTimeFormat(ownForm(navigator.languages), style);
   return splits.map((x) => format.format(new Date(x * 1000)));
 }
 

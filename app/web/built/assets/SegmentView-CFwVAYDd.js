@@ -1,1 +1,0 @@
-export{n as SegmentView}from"./SegmentView-CBlydFeo.js";

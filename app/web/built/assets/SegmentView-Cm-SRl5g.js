@@ -1,0 +1,1 @@
+export{n as SegmentView}from"./SegmentView-DqG7TfTq.js";

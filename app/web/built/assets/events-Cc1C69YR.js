@@ -1,1 +1,0 @@
-import{p as e}from"./api-Boh640ST.js";function t(t,n,r,i){let a=new EventSource(t);return a.addEventListener(n,e=>r(JSON.parse(e.data))),a.addEventListener(`error`,()=>{a.readyState===EventSource.CLOSED&&(e(),i?.())}),()=>a.close()}export{t};

@@ -1,0 +1,1 @@
+import{_ as e,n as t,p as n}from"./Messages-DUNNiTUG.js";function r(r,i){let[a,o]=e({state:`asking`});return n(()=>{let e=new AbortController;return o({state:`asking`}),r(e.signal).then(e=>o({state:`there`,value:e}),n=>{e.signal.aborted||o({state:`failed`,why:t(n)})}),()=>e.abort()},[i]),a}export{r as t};

@@ -1,1 +1,0 @@
-import{_ as e,n as t,p as n}from"./Messages-BFn53oP8.js";function r(r,i){let[a,o]=e({state:`asking`});return n(()=>{let e=new AbortController;return o({state:`asking`}),r(e.signal).then(e=>o({state:`there`,value:e}),n=>{e.signal.aborted||o({state:`failed`,why:t(n)})}),()=>e.abort()},[i]),a}export{r as t};

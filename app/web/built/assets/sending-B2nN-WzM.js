@@ -1,0 +1,1 @@
+import{a as e,n as t,s as n}from"./Messages-DUNNiTUG.js";function r(r,i=async()=>!0){let a=n(!1),o=n(null),s=async()=>{if(await i()){a.value=!0,o.value=null;try{await r()}catch(e){o.value=t(e)}a.value=!1}};return{busy:a.value,submit:e=>{e.preventDefault(),s()},failure:e(`p`,{class:`error-text`,role:`alert`,children:o.value})}}export{r as t};
