@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from app.map.segment import HEIGHT_DATUM, OSM_ATTRIBUTION, attribution
 from source_tree import REPOSITORY
 
 SOURCES = REPOSITORY / "app" / "web" / "src"
@@ -94,3 +95,13 @@ def test_an_idle_text_would_be_seen() -> None:
     assert not any(one.fullmatch("page.map") for one in made)
     assert any(one.fullmatch("docs.x.title") for one in made)
     assert not any(one.fullmatch("docs.x") for one in made)
+
+
+def test_sentences_of_the_service_that_pages_say_in_their_language_are_known_as_it_writes_them() -> None:
+    words, credit = ((SOURCES / name).read_text("utf-8") for name in ("segment/words.ts", "shared/credit.ts"))
+    assert f'"{HEIGHT_DATUM}"' in words
+    roads, elevation = attribution(["A"]).split("; elevation from ")
+    assert elevation == "A"
+    assert roads.startswith(f"Roads {OSM_ATTRIBUTION}")
+    assert f'"Roads {OSM_ATTRIBUTION}"' in credit
+    assert '"; elevation from "' in credit
